@@ -296,13 +296,13 @@ def _cloud(settings: SensorConfig, period_ns: int) -> _Port:
 
 
 def _radar(channel: str, parameters: Any) -> _Port:
-    chirp, receivers = parameters.chirp, len(parameters.antenna.rx_positions_m)
     if channel == "raw":
-        return _Port(Box(0, 65535, (receivers, chirp.chirps, chirp.samples), np.uint16), lambda array: array)
+        return _Port(Box(0, 65535, parameters.raw_shape, np.uint16), lambda array: array)
     if channel == "range_doppler":
-        shape = (chirp.chirps, chirp.samples // 2)
         high = float(np.float32(1e18))
-        return _Port(Box(0.0, high, shape, np.float32), lambda array: np.clip(array, 0.0, high, dtype=np.float32))
+        return _Port(
+            Box(0.0, high, parameters.map_shape, np.float32), lambda array: np.clip(array, 0.0, high, dtype=np.float32)
+        )
     dtype = POINT_DTYPE if channel == "points" else TRACK_DTYPE
     processing = parameters.processing
     rows = processing.max_points if channel == "points" else processing.max_tracks

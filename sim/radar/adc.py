@@ -10,7 +10,8 @@ convolution with h over a chirp's N samples,
 
     h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b,
 
-and is then multiplied by the envelope g over the chirp.
+and is then multiplied by the envelope g over the chirp. With the same power in all bins, h is its root at 0 alone.
+With complex samples a receiver is two channels of the converter, `rx<k>` is the k-th channel.
 
 The native kernel (sim/native/radar/receiver_noise.hpp) gives the same bits with every instruction set.
 """
@@ -35,7 +36,8 @@ Codes = NDArray[np.uint16]
 class RadarReceiverChain:
     """Conversion of frames of the noise-free signal [counts] to codes.
 
-    Raises ValueError if the impairments do not fit the chirp or the number of receivers.
+    `n_rx`: number of receivers, or of their channels with complex samples. Raises ValueError if the impairments do not
+    fit the chirp or this number.
     """
 
     def __init__(
@@ -86,12 +88,15 @@ class RadarReceiverChain:
 
 
 def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
-    """Return h of each receiver."""
+    """Return h of each receiver; its first value alone for white noise."""
     n = chirp.samples
     cosine = np.array([det_cos(2.0 * pi * i / n) for i in range(n)])
     indices = np.arange(n)
     rows = []
     for k in range(receivers):
+        if len(set(noise.power[k])) == 1:
+            rows.append([sqrt(noise.power[k][0])])
+            continue
         h = np.zeros(n)
         for b in range(n // 2 + 1):
             bins = 1.0 if b in (0, n // 2) else 2.0  # b and -b

@@ -1,4 +1,4 @@
-"""Antennas of a radar: positions of its receivers, and patterns of transmitter and receivers.
+"""Antennas of a radar: positions of its transmitters and receivers, and their patterns.
 
 For a unit direction d = (x, y, z) in R (x forward, y left, z up), and the half-power beamwidths a of azimuth and e of
 elevation:
@@ -7,28 +7,39 @@ elevation:
     p = ln(1/2) / ln(cos(a / 2)),   q = ln(1/2) / ln(cos(e / 2))
 
 In either principal plane the gain is a power of the cosine, and half of G_0 at half the beamwidth off the axis. This is
-the main lobe of a small patch antenna, without side lobes. All receivers have the same pattern.
+the main lobe of a small patch antenna, without side lobes. All receivers have the same pattern, and all transmitters.
+
+A pair of transmitter p and receiver k is a channel of the virtual array, at t_p + r_k (Richards, Fundamentals of Radar
+Signal Processing, 2nd ed., sec. 9.8). Several transmitters are told apart
+
+    tdm   in time: chirp m is that of transmitter m mod P
+    ddm   in Doppler: all transmit in every chirp, transmitter p with the phase p m / D cycles, so that its echoes are
+          displaced by p / D of the unambiguous speeds. D is `doppler_bands`; bands without a transmitter tell which
+          band is the first
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from signals._kernel import det_cos, det_log, det_pow
 from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 from sim._kernels import cosine_pattern
+from sim.radar.chirp import Chirp
+from sim.radar.synthesis import MAX_RECEIVERS, MAX_TRANSMITTERS, ORIGIN
+from sim.radar.virtual_array import VirtualArray
 
 Float64 = NDArray[np.float64]
 
-MAX_RECEIVERS = 16  # limit of the kernels: sim/native/radar/echo_model.hpp
 _HALF_RAD_PER_DEG = 0.5 * RAD_PER_DEG
 _Beamwidth = Annotated[float, Field(ge=0.5, le=179.0)]
+_FieldAngle = Annotated[float, Field(ge=0.0, le=90.0)]
 
 
 class Pattern(StrictModel):
@@ -56,20 +67,61 @@ class Pattern(StrictModel):
 
 
 class Antenna(StrictModel):
-    """One transmitter with the receivers."""
+    """Transmitters and receivers."""
 
     rx_positions_m: tuple[Vec3, ...]  # in R, in the order of the channels
     tx: Pattern
     rx: Pattern
+    tx_positions_m: tuple[Vec3, ...] = (ORIGIN,)  # in R, in the order in which they transmit
+    mimo: Literal["tdm", "ddm"] = "tdm"
+    doppler_bands: Annotated[int, Field(ge=2, le=32)] | None = None  # with ddm; null: the number of transmitters
+    # Greatest angles off the axis at which directions are to be unambiguous: azimuth, elevation. Null: not checked.
+    field_deg: tuple[_FieldAngle, _FieldAngle] | None = None
 
     @field_validator("rx_positions_m")
     @classmethod
     def _check_receivers(cls, value: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
-        if not 1 <= len(value) <= MAX_RECEIVERS:
-            raise ValueError(f"holds {len(value)} receivers; a radar has 1 to {MAX_RECEIVERS}")
-        if any(abs(v) > 1.0 for position in value for v in position):
-            raise ValueError("holds a receiver more than 1 m away: positions are in metres from the radar's origin")
-        return value
+        return _checked(value, "receiver", MAX_RECEIVERS)
+
+    @field_validator("tx_positions_m")
+    @classmethod
+    def _check_transmitters(cls, value: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
+        return _checked(value, "transmitter", MAX_TRANSMITTERS)
+
+    @model_validator(mode="after")
+    def _bands_fit(self) -> Antenna:
+        if self.doppler_bands is not None and self.mimo != "ddm":
+            raise ValueError(f"doppler_bands is for mimo: ddm, not {self.mimo}")
+        if self.doppler_bands is not None and self.doppler_bands < len(self.tx_positions_m):
+            raise ValueError(
+                f"doppler_bands {self.doppler_bands} are fewer than {len(self.tx_positions_m)} transmitters"
+            )
+        return self
+
+    @property
+    def array(self) -> VirtualArray:
+        """The virtual array."""
+        bands = 0 if self.mimo == "tdm" else self.doppler_bands or len(self.tx_positions_m)
+        return VirtualArray(self.rx_positions_m, self.tx_positions_m, bands)
+
+    def problems_with(self, chirp: Chirp) -> list[str]:
+        """Return why the array does not fit the chirp; empty if it does."""
+        problems, transmitters = [], len(self.tx_positions_m)
+        if self.mimo == "tdm" and (chirp.chirps % transmitters or chirp.chirps < 2 * transmitters):
+            problems.append(
+                f"chirp.chirps must be a multiple of the {transmitters} transmitters that take turns, "
+                f"{2 * transmitters} at least, not {chirp.chirps}"
+            )
+        if self.mimo == "ddm" and self.array.doppler_bands > chirp.chirps // 2:
+            problems.append(f"chirp.chirps {chirp.chirps} are fewer than two for each Doppler band")
+        ambiguous = "" if self.field_deg is None else self.array.problem_with_field(self.field_deg, chirp.wavelength_m)
+        if ambiguous:
+            problems.append(f"antenna {ambiguous}")
+        return problems
+
+    def channels(self, chirp: Chirp) -> int:
+        """Return the number of channels of the converter: one a receiver, or two with complex samples."""
+        return len(self.rx_positions_m) * chirp.parts
 
     def share(self, direction_R: Float64) -> Float64:
         """Return the two-way gain in unit directions (n, 3), relative to the axis, (n,)."""
@@ -78,6 +130,14 @@ class Antenna(StrictModel):
     def gain(self, direction_R: Float64) -> Float64:
         """Return the two-way gain G_t G_r in unit directions (n, 3) as ratios of powers, (n,)."""
         return self.tx.gain(direction_R) * self.rx.gain(direction_R)
+
+
+def _checked(positions_m: tuple[Vec3, ...], what: str, most: int) -> tuple[Vec3, ...]:
+    if not 1 <= len(positions_m) <= most:
+        raise ValueError(f"holds {len(positions_m)} {what}s; a radar has 1 to {most}")
+    if any(abs(v) > 1.0 for position in positions_m for v in position):
+        raise ValueError(f"holds a {what} more than 1 m away: positions are in metres from the radar's origin")
+    return positions_m
 
 
 def _exponent(beamwidth_deg: float) -> float:

@@ -3,8 +3,11 @@
 A chirp sweeps the bandwidth B in the time T = N / f_s of its samples; chirps repeat every T_c. With f_c the centre of
 the sweep and lambda = c / f_c (Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 5; paper, table 3):
 
-    range resolution  d_res = c / (2 B)           unambiguous range (real samples)  d_max = d_res N / 2
-    speed resolution  v_res = lambda / (2 M T_c)  unambiguous speed                 v_max = lambda / (4 T_c)
+    range resolution  d_res = c / (2 B)           unambiguous range  d_max = d_res N / 2 (complex samples: d_res N)
+    speed resolution  v_res = lambda / (2 M T_c)  unambiguous speed  v_max = lambda / (4 T_c)
+
+With transmitters in time division the frame's M chirps are those of all of them, and `of_one_transmitter` is the frame
+that each sees.
 
 Time runs from the middle of the frame: sample n of chirp m is taken at
 
@@ -13,7 +16,7 @@ Time runs from the middle of the frame: sample n of chirp m is taken at
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -34,6 +37,7 @@ class Chirp(StrictModel):
     sample_rate_hz: _Frequency
     chirps: Annotated[int, Field(ge=2, le=1024)]
     repetition_s: Annotated[float, Field(gt=0.0, le=1.0)]
+    sampling: Literal["real", "complex"] = "real"  # complex: each receiver has an in-phase and a quadrature channel
 
     @model_validator(mode="after")
     def _possible(self) -> Chirp:
@@ -75,12 +79,24 @@ class Chirp(StrictModel):
         return self.chirps * self.repetition_s
 
     @property
+    def parts(self) -> int:
+        """Channels of a receiver: 1 with real samples, 2 with complex ones."""
+        return 2 if self.sampling == "complex" else 1
+
+    def of_one_transmitter(self, turns: int) -> Chirp:
+        """Return the frame of one of `turns` transmitters that take turns; `chirps` must be a multiple of it."""
+        if turns == 1:
+            return self
+        shares = {"chirps": self.chirps // turns, "repetition_s": self.repetition_s * turns}
+        return self.model_copy(update=shares)
+
+    @property
     def range_resolution_m(self) -> float:
         return SPEED_OF_LIGHT_MPS / (2.0 * self.bandwidth_hz)
 
     @property
     def max_range_m(self) -> float:
-        return 0.5 * self.samples * self.range_resolution_m
+        return 0.5 * self.parts * self.samples * self.range_resolution_m
 
     @property
     def speed_resolution_mps(self) -> float:

@@ -8,6 +8,10 @@ f_b = S 2 R / c:
 
     H(f) = j f / (f_hp + j f) / (1 + j f / f_aaf)      first order each; either can be off
 
+With complex samples, a receiver's second channel is the same sum of sines. With transmitters at t_p, r_k becomes t_p +
+r_k for those that transmit in chirp m: of P in time division m mod P alone, in Doppler division all of them, each with
+the additional phase p m / `doppler_bands` cycles.
+
 `direct` evaluates this sum in double precision and is the reference. `nufft` is a non-uniform FFT with the error
 ||x - x_direct|| / ||x_direct|| <= `tolerance` over the whole frame. Method: sim/native/radar/synthesis.hpp.
 """
@@ -24,14 +28,18 @@ from signals.samples import Vec3
 from sim._kernels import EchoSynthesis, EchoSynthesisReport
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
+from sim.radar.virtual_array import VirtualArray
 
 METHODS = ("direct", "nufft")
 MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
+MAX_RECEIVERS, MAX_TRANSMITTERS = 16, 12  # limits of the kernels: sim/native/radar/echo_model.hpp
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Synthesizer:
     """Summation of echoes to frames of one chirp. Not thread-safe.
 
+    `array`: the places of the receivers, or a `VirtualArray` with several transmitters.
     `drop_share`: share of the tolerance for dropping the weakest echoes; 0 drops none. `isa`: instruction set of the
     kernels; all give the same bits. Raises ValueError for arguments out of range.
     """
@@ -39,7 +47,7 @@ class Synthesizer:
     def __init__(
         self,
         chirp: Chirp,
-        rx_positions_m: Sequence[Vec3],
+        array: VirtualArray | Sequence[Vec3],
         *,
         hp_cutoff_hz: float | None,
         aaf_cutoff_hz: float | None,
@@ -57,13 +65,19 @@ class Synthesizer:
         for name, cutoff_hz in (("hp_cutoff_hz", hp_cutoff_hz), ("aaf_cutoff_hz", aaf_cutoff_hz)):
             if cutoff_hz is not None and not 0.0 < cutoff_hz <= 1e12:
                 raise ValueError(f"{name} must lie in (0, 1e12], or be None for no filter, not {cutoff_hz:g}")
-        positions = [tuple(float(x) for x in p) for p in rx_positions_m]
-        if not 1 <= len(positions) <= 16:
-            raise ValueError(f"there must be 1 to 16 receivers, not {len(positions)}")
-        if any(len(p) != 3 or not all(math.isfinite(x) and abs(x) <= 10.0 for x in p) for p in positions):
-            raise ValueError(f"rx_positions_m must be triples within 10 m of the radar, not {positions}")
+        if not isinstance(array, VirtualArray):
+            array = VirtualArray(tuple(array))
+        rx = _positions("rx_positions_m", array.rx_positions_m, MAX_RECEIVERS)
+        tx = _positions("tx_positions_m", array.tx_positions_m, MAX_TRANSMITTERS)
+        doppler_bands = array.doppler_bands
+        if doppler_bands and not len(tx) <= doppler_bands <= chirp.chirps:
+            raise ValueError(
+                f"doppler_bands must be 0, or from the number of transmitters to that of chirps, not {doppler_bands}"
+            )
+        if not doppler_bands and (chirp.chirps % len(tx) or chirp.chirps < 2 * len(tx)):
+            raise ValueError(f"{chirp.chirps} chirps are not two or more for each of {len(tx)} transmitters")
         self.chirp, self.method, self.tolerance = chirp, method, tolerance
-        self.shape = (len(positions), chirp.chirps, chirp.samples)
+        self.shape = (len(rx) * chirp.parts, chirp.chirps, chirp.samples)
         self._synthesis = EchoSynthesis(
             center_frequency_hz=chirp.center_frequency_hz,
             bandwidth_hz=chirp.bandwidth_hz,
@@ -71,7 +85,10 @@ class Synthesizer:
             repetition_s=chirp.repetition_s,
             samples=chirp.samples,
             chirps=chirp.chirps,
-            rx_positions_m=positions,
+            tx_positions_m=tx,
+            rx_positions_m=rx,
+            doppler_bands=doppler_bands,
+            complex_samples=chirp.sampling == "complex",
             hp_cutoff_hz=hp_cutoff_hz or 0.0,
             aaf_cutoff_hz=aaf_cutoff_hz or 0.0,
             direct=method == "direct",
@@ -81,7 +98,7 @@ class Synthesizer:
         )
 
     def synthesize(self, echoes: Echoes, out: NDArray[np.float64]) -> EchoSynthesisReport:
-        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit; return a report.
+        """Overwrite `out` (channels, chirps, samples) with the sum, in the amplitude's unit; return a report.
 
         Raises ValueError for arrays of another type or shape, and for the first echo that is not finite or out of
         range.
@@ -95,6 +112,15 @@ class Synthesizer:
         if not out.flags.writeable:
             raise ValueError("out must be writable")
         return self._synthesis.synthesize(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, out)
+
+
+def _positions(name: str, positions_m: Sequence[Vec3], most: int) -> list[tuple[float, float, float]]:
+    positions = [tuple(float(x) for x in p) for p in positions_m]
+    if not 1 <= len(positions) <= most:
+        raise ValueError(f"{name} must have 1 to {most} places, not {len(positions)}")
+    if any(len(p) != 3 or not all(math.isfinite(x) and abs(x) <= 10.0 for x in p) for p in positions):
+        raise ValueError(f"{name} must be triples within 10 m of the radar, not {positions}")
+    return [(x, y, z) for x, y, z in positions]
 
 
 def _check(name: str, array: NDArray[np.float64], shape: tuple[int, ...]) -> None:

@@ -72,26 +72,27 @@ class RadarFrames:
 
     def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
         """Raises ValueError if the mask leaves no pixel, or names a class that the world does not have."""
-        chirp, rx = p.chirp, p.antenna.rx_positions_m
-        self._chirp, self._blades = chirp, RotorBlades(world)
+        chirp, channels = p.chirp, p.antenna.channels(p.chirp)
+        # Blades are folded into the speeds that one transmitter's chirps tell apart.
+        self._chirp, self._blades = chirp.of_one_transmitter(p.antenna.array.turns), RotorBlades(world)
         self._scatterers = Scatterers(view.camera, world, chirp, p.antenna, p.receiver, p.mask)
         self._synthesizer = Synthesizer(
             chirp,
-            rx,
+            p.antenna.array,
             hp_cutoff_hz=p.receiver.hp_cutoff_hz,
             aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
             method=p.method,
             tolerance=p.tolerance,
         )
         self._chain = RadarReceiverChain(
-            chirp, p.impairments, len(rx), seed=seed, name=name, adc_bits=p.receiver.adc_bits
+            chirp, p.impairments, channels, seed=seed, name=name, adc_bits=p.receiver.adc_bits
         )
-        self._signal = np.zeros((len(rx), chirp.chirps, chirp.samples))
+        self._signal = np.zeros(p.raw_shape)
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
 
     def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
-        """Return frame `seq` of a picture taken from `pose`: a new array (receivers, chirps, samples)."""
+        """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples)."""
         echoes = self._scatterers.collect(self._blades.with_seen_speeds(picture, self._chirp), pose)
         report = self._synthesizer.synthesize(echoes, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
@@ -130,7 +131,7 @@ class Radar(InstalledSensor):
             )
         super().__init__(installation, 0.5 * p.chirp.frame_s + p.latency_s, {})
         self._parameters = p
-        self.chirp = p.chirp
+        self.chirp, self.seen = p.chirp, p.seen
         self.outputs = p.outputs
         self.view: SharedPicture = installation.shared if p.frame is not None and installation.shared else p.view()
         # R has the axes of B if the camera looks forward: x_R = z_C, y_R = -x_C, z_R = -y_C.
@@ -146,7 +147,7 @@ class Radar(InstalledSensor):
         self._until: Step = next((step for step in _STEPS if step in p.outputs), "range_doppler")
         self._processor = None
         if p.needs_processing:
-            self._processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+            self._processor = Processor(p.chirp, p.antenna.array, p.processing)
 
     @property
     def counts(self) -> RadarCounts:

@@ -11,10 +11,11 @@ from signals.samples import RADAR_UNITS
 from sim.frame.camera_model import CameraModel
 from sim.frame.shared_picture import SharedPicture
 from sim.radar.antenna import Antenna
+from sim.radar.board import Board
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments
 from sim.radar.mask import Mask
-from sim.radar.processing.parameters import Processing
+from sim.radar.processing.parameters import Processing, power_of_two_from
 from sim.radar.receiver import Receiver
 from sim.radar.synthesis import MAX_TOLERANCE, MIN_TOLERANCE
 from sim.sensors.camera_parameters import Pixels
@@ -49,6 +50,7 @@ class RadarParameters(StrictModel):
     tolerance: Annotated[float, Field(ge=MIN_TOLERANCE, le=MAX_TOLERANCE)] = 1e-3  # of nufft, relative to the frame
     outputs: tuple[str, ...] = tuple(RADAR_UNITS)
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0  # from the end of the frame
+    board: Board | None = None  # limits of the device; null: none are checked
 
     @field_validator("outputs")
     @classmethod
@@ -67,10 +69,14 @@ class RadarParameters(StrictModel):
         given = [key for key in VIEW_KEYS if getattr(self, key) is not None]
         if self.frame is not None and given:
             raise ValueError(f"frame {self.frame!r} already gives the radar's view: leave out {', '.join(given)}")
-        unfit = self.impairments.problems_with(self.chirp, len(self.antenna.rx_positions_m))
+        problems = [f"chirp.{problem}" for problem in self.board.problems_with(self.chirp)] if self.board else []
+        problems += self.antenna.problems_with(self.chirp)
+        if problems:
+            raise ValueError("; ".join(problems))
+        unfit = self.impairments.problems_with(self.chirp, self.antenna.channels(self.chirp))
         if unfit:
             raise ValueError("impairments." + "; impairments.".join(unfit))
-        unfit_processing = self.processing.problem_with(self.chirp) if self.needs_processing else ""
+        unfit_processing = self.processing.problem_with(self.seen) if self.needs_processing else ""
         if unfit_processing:
             raise ValueError(f"processing.{unfit_processing}; or set outputs: [raw], which needs no processing")
         near_m, far_m = self.limits_m
@@ -83,6 +89,23 @@ class RadarParameters(StrictModel):
     def limits_m(self) -> tuple[float, float]:
         """Minimum and maximum visible depth."""
         return _NEAR_M if self.near_m is None else self.near_m, _FAR_M if self.far_m is None else self.far_m
+
+    @property
+    def seen(self) -> Chirp:
+        """The frame as each channel of the virtual array sees it: its speeds are the map's."""
+        return self.antenna.array.seen(self.chirp)
+
+    @property
+    def raw_shape(self) -> tuple[int, int, int]:
+        """Shape of a raw frame: channels, chirps, samples."""
+        return self.antenna.channels(self.chirp), self.chirp.chirps, self.chirp.samples
+
+    @property
+    def map_shape(self) -> tuple[int, int]:
+        """Shape of a range-Doppler map: speeds, ranges."""
+        seen, p = self.seen, self.processing
+        rows = power_of_two_from(seen.chirps) * p.doppler_padding
+        return rows, power_of_two_from(seen.samples) * p.range_padding * seen.parts // 2
 
     @property
     def needs_processing(self) -> bool:

@@ -246,7 +246,7 @@ class BatchWriter:
         self._write(f"{folder}/{t_ns}.csv", radar_labels_csv(objects, self._maker.catalogue))
         if "range_doppler" in sample.channels:
             # The datasheet shows the frame with the most visible objects, of these the first one.
-            rank = float(len(visible_objects(sample.channels["range_doppler"], objects, radar.chirp)))
+            rank = float(len(visible_objects(sample.channels["range_doppler"], objects, radar.seen)))
             best = self._best_radar_frame.get(name)
             if best is None or rank > best[0]:
                 self._best_radar_frame[name] = (rank, t_ns)

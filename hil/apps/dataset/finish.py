@@ -215,7 +215,7 @@ def _radar_previews(plan: DatasetPlan, tree: TreeWriter, records: Sequence[Batch
             objects, range_doppler = read_radar_labels(labels.read_bytes()), np.load(map_path)
         except (OSError, ValueError) as error:
             raise RecordingError(f"{map_path}: cannot be read ({error}); continue with --resume") from error
-        yield tree.write(f"{PREVIEW}/{name}-map.png", radar_picture(range_doppler, objects, p.chirp, rgb, camera))
+        yield tree.write(f"{PREVIEW}/{name}-map.png", radar_picture(range_doppler, objects, p.seen, rgb, camera))
 
 
 def _link(link: Path, target: str) -> None:

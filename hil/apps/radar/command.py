@@ -3,13 +3,15 @@
 It writes `summary.png` (range and speed over time, with the tracks), `micro_doppler.png` (speed over time around the
 track with the greatest span of range, if there is a track), some `range_doppler_N.png` (beside the camera's picture of
 the same instant, if recorded), `points.csv`, `tracks.csv`, `radar.npz` with all results and `summary.json`. Frames
-made from pictures are saved in `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read.
+made from pictures are saved in `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read. With
+`dca1000`, the frames are also written as TI's capture card does (hil/apps/radar/dca1000.py).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
+from hil.apps.radar.dca1000 import Dca1000File
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
@@ -45,6 +48,7 @@ def process_radar(
     sensor: str | None = None,
     settings: Sequence[str] = (),
     span: TimeSpan = TimeSpan(),
+    dca1000: Path | None = None,
     quiet: bool = False,
 ) -> list[Path]:
     """Process the frames whose middle lies in `span` and return the files written, the summary's picture first.
@@ -55,9 +59,10 @@ def process_radar(
     if span != TimeSpan():
         source = _frames_in_span(source, span)
     folder = out if out is not None else _folder(target)
+    capture = None if dca1000 is None else Dca1000File(dca1000, source.parameters, source.part)
     try:
-        with locked_folder(folder):
-            results, made_frames = _process(source, console, quiet=quiet)
+        with locked_folder(folder), capture or nullcontext():
+            results, made_frames = _process(source, console, capture, quiet=quiet)
             results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
             files = results.write(folder, title=f"{_name(target)}: {source.description}")
             if source.from_pictures and made_frames:
@@ -65,6 +70,8 @@ def process_radar(
                 files += [folder / "raw.npz", folder / "raw.json"]
     except OSError as error:
         raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
+    if capture is not None:
+        files += [capture.path, *capture.settings_files]
     return files
 
 
@@ -96,17 +103,21 @@ def _frames_in_span(source: Source, span: TimeSpan) -> Source:
     return replace(source, count=len(frames), frames=iter(frames))
 
 
-def _process(source: Source, console: Console, *, quiet: bool) -> tuple[Results, list[Frame]]:
+def _process(
+    source: Source, console: Console, capture: Dca1000File | None, *, quiet: bool
+) -> tuple[Results, list[Frame]]:
     """Process all frames; return the results and, if they were made from pictures, the frames."""
     p = source.parameters
-    processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
-    results = Results(p.chirp, source.count)
+    processor = Processor(p.chirp, p.antenna.array, p.processing)
+    results = Results(p.seen, source.count)
     made_frames: list[Frame] = []
     hidden = quiet or not console.is_terminal
     for frame in track(
         source.frames, source.description, source.count, console=console, transient=True, disable=hidden
     ):
         results.add(frame.t_ns, processor.process(frame.raw, frame.t_ns))
+        if capture is not None:
+            capture.add(frame.t_ns, frame.raw)
         if source.from_pictures:
             made_frames.append(frame)
     return results, made_frames

@@ -47,7 +47,7 @@ _MAX_LATENCY_NS = 10 * NS_PER_S  # maximum delay of a picture after its capture
 
 
 class Frame(NamedTuple):
-    """One frame, its middle at `t_ns`; `raw` is (receivers, chirps, samples) in ADC counts."""
+    """One frame, its middle at `t_ns`; `raw` is (channels, chirps, samples) in ADC counts."""
 
     t_ns: int
     raw: NDArray[np.uint16]
@@ -66,6 +66,7 @@ class Source:
     from_pictures: bool  # True: frames are made from pictures
     frames: Iterator[Frame]
     camera: tuple[Recording, str] | None = None
+    part: str = "radar"  # preset of the device, where it is known
 
 
 def pictures_at(source: Source, times_ns: Container[int]) -> dict[int, NDArray[np.uint8]]:
@@ -160,7 +161,8 @@ def _open_raw(
                 yield Frame(frame.t_capture_ns, frame.raw)
 
     colour = _colour_topic(recording, topics, parameters.frame)
-    return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour)
+    part = preset or (recorded or {}).get("preset") or LIVE_PRESET
+    return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour, str(part))
 
 
 def _section(recording: Recording, name: str) -> Mapping[str, Any] | None:
@@ -296,16 +298,23 @@ def settings_of(
     return parameters
 
 
-def with_chirp(parameters: RadarParameters, chirp: Chirp, receivers: int, where: str) -> RadarParameters:
+def with_chirp(parameters: RadarParameters, chirp: Chirp, channels: int, where: str) -> RadarParameters:
     """Return the parameters for recorded frames: with the chirp of the frames and without simulated impairments.
 
-    Raises ConfigError if the antenna's receivers or the processing do not suit the frames.
+    Real or complex samples: as the parameters say, for frames do not tell. Raises ConfigError if the antenna's
+    receivers or the processing do not suit the frames.
     """
-    positions = len(parameters.antenna.rx_positions_m)
-    if positions != receivers:
-        message = f"has {receivers} receivers, but the radar's antenna.rx_positions_m has {positions}"
+    chirp = chirp.model_copy(update={"sampling": parameters.chirp.sampling})
+    expected = parameters.antenna.channels(chirp)
+    if expected != channels:
+        message = f"has {channels} receivers, but the radar's antenna.rx_positions_m has {expected}"
+        if chirp.sampling == "complex":
+            message = f"has {channels} channels, but the radar's receivers have {expected}, two each"
         raise ConfigError([Problem(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")])
-    problem = parameters.processing.problem_with(chirp)
+    unfit = parameters.antenna.problems_with(chirp)
+    if unfit:
+        raise ConfigError([Problem(where, f"its frames do not suit the antenna: {problem}") for problem in unfit])
+    problem = parameters.processing.problem_with(parameters.antenna.array.seen(chirp))
     if problem:
         raise ConfigError(
             [Problem(where, f"its frames do not suit processing.{problem}", "--set processing.KEY=VALUE")]

@@ -166,14 +166,14 @@ def _write_pictures(
             radar, sample = _radar_frame(scene, frames, point)
             radar_samples.append(sample)
             path = folder / f"{point.name}_radar.png"
-            figures.save(radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.chirp), path)
+            figures.save(radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen), path)
             files.append(path)
         cloud = _sweep(scene, frames, points[0])
 
         def radar_panel(panel: Any) -> None:
             name = f"radar at {points[0].name}, range-Doppler"
             range_doppler = radar_samples[0].channels["range_doppler"]
-            radar_pictures.draw_map(panel, range_doppler, radar.chirp, name, plain_axes=True)
+            radar_pictures.draw_map(panel, range_doppler, radar.seen, name, plain_axes=True)
 
         sheet = folder / SHEET_NAME
         figure = frame_pictures.sheet_figure(

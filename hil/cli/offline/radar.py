@@ -33,6 +33,12 @@ def radar(
     until_s: Annotated[
         float | None, typer.Option("--until", help="Time of the last frame in seconds.", metavar="S")
     ] = None,
+    dca1000: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also write the raw frames as TI's DCA1000 does, with mmWave Studio's settings.", metavar="FILE.bin"
+        ),
+    ] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Make maps, points and tracks from recorded radar data, or from pictures if no radar data was recorded."""
@@ -47,6 +53,7 @@ def radar(
             sensor=sensor,
             settings=settings or (),
             span=TimeSpan(from_s, until_s),
+            dca1000=dca1000,
             quiet=quiet,
         )
     console.print(f"{files[0]}  and {len(files) - 1} more files beside it", markup=False)

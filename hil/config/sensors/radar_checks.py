@@ -31,10 +31,12 @@ def view_of(sensor: SensorConfig) -> SharedPicture:
 
 
 def rate_problems(name: str, parameters: RadarParameters, rate_hz: float, settings: Settings) -> list[Problem]:
-    """Report a rate at which frames would overlap."""
+    """Report a rate at which frames would overlap, or that the board cannot capture."""
     frame_s = parameters.chirp.frame_s
     if frame_s * rate_hz <= 1.0:
-        return []
+        board, receivers = parameters.board, len(parameters.antenna.rx_positions_m)
+        too_much = "" if board is None else board.capture_problem(parameters.chirp, receivers, rate_hz)
+        return [at(settings, ("sensors", name, "rate_hz"), too_much)] if too_much else []
     message = (
         f"leaves {1.0 / rate_hz:.6g} s for a frame that takes {frame_s:.6g} s "
         f"({parameters.chirp.chirps} chirps every {parameters.chirp.repetition_s:.6g} s)"

@@ -11,7 +11,8 @@ its time since then twice: `t` (uint32, ns) as in Ouster's clouds, `time` (float
 
 Every field of a record array becomes a field of a point cloud. Foxglove and RViz draw a cloud by its fields x, y and z.
 Therefore the coordinates of a position in a frame F (`x_F`, or the elements of `p_F_m`) get those names, and the
-elements of a velocity `v_F_mps` become vx, vy, vz. The bytes of the array stay the same.
+elements of a velocity `v_F_mps` become vx, vy, vz. The bytes of the array stay the same. Points of a radar have their
+speed and signal-to-noise ratio under the names of ROS 2 drivers, too: `doppler` and `intensity`, the same bytes again.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ _ENCODINGS = {
 # sensor_msgs/PointField datatypes
 DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
 _VECTORS = {"p": ("x", "y", "z"), "v": ("vx", "vy", "vz")}
+_RADAR_NAMES = {"speed_mps": "doppler", "snr_db": "intensity"}  # of a record that has both
 _POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label", "time"],
@@ -313,6 +315,9 @@ def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
     fields = []
     for name, kind, offset in _scalars(dtype):
         fields.append(CloudField(name, offset, DATATYPES[kind.newbyteorder("<").str]))
+    by_name = {field.name: field for field in fields}
+    if by_name.keys() >= _RADAR_NAMES.keys():
+        fields += [by_name[name]._replace(name=common) for name, common in _RADAR_NAMES.items()]
     return fields
 
 

@@ -82,8 +82,9 @@ std::size_t count_below(const double *x, std::size_t count, double limit) {
 namespace {
 
 // Adds one block of echoes to every sample. Eight samples stay in registers during the loop over the echoes.
-template <int kReceivers>
-void add_block(const EchoModel &model, const EchoBlock &block, int count, double *sum) {
+template <int kReceivers, bool kComplex>
+void add_block(const EchoModel &model, const EchoBlock &block, int count, double offset, double *sum,
+               double *quadrature) {
     const int wide = (model.samples + D::kCount - 1) / D::kCount * D::kCount;
     const double half = model.sample_offset;
     alignas(64) double at_middle[kBlock], per_sample[kBlock], per_sample2[kBlock], weight[kBlock][2 * kReceivers];
@@ -100,7 +101,7 @@ void add_block(const EchoModel &model, const EchoBlock &block, int count, double
         lane_index = load<D>(lane);
     }
     for (int m = 0; m < model.chirps; ++m) {
-        const double whole = m - model.middle_chirp, mu = whole + model.chirp_offset;
+        const double whole = m - model.middle_chirp, mu = whole + offset;
         for (int first = 0; first < count; first += D::kCount) {
             // At a given mu the phase is a quadratic function of the sample index.
             const Remainder g = remainder_at(model, load<D>(block.speed + first));
@@ -114,37 +115,49 @@ void add_block(const EchoModel &model, const EchoBlock &block, int count, double
         }
         for (int n = 0; n < wide; n += D::kCount) {
             const D nu = lane_index + (double)n;
-            D total[kReceivers];
-            for (int k = 0; k < kReceivers; ++k) total[k] = splat<D>(0.0);
+            D total[kReceivers], turned[kReceivers];
+            for (int k = 0; k < kReceivers; ++k) total[k] = turned[k] = splat<D>(0.0);
             for (int e = 0; e < count; ++e) {
                 const D phase = nu * (nu * per_sample2[e] + per_sample[e]) + at_middle[e];
                 D c, s;
                 turn(phase, c, s);
                 for (int k = 0; k < kReceivers; ++k) {
                     total[k] = total[k] + (c * weight[e][2 * k] - s * weight[e][2 * k + 1]);
+                    if constexpr (kComplex) turned[k] = turned[k] + (s * weight[e][2 * k] + c * weight[e][2 * k + 1]);
                 }
             }
             for (int k = 0; k < kReceivers; ++k) {
-                double *to = sum + ((long)k * model.chirps + m) * wide + n;
-                store(to, load<D>(to) + total[k]);
+                const long at = ((long)k * model.chirps + m) * wide + n;
+                store(sum + at, load<D>(sum + at) + total[k]);
+                if constexpr (kComplex) store(quadrature + at, load<D>(quadrature + at) + turned[k]);
             }
         }
     }
 }
 
+template <bool kComplex>
+void add_group(const EchoModel &model, const EchoBlock &block, int count, int group, double *sum, double *quadrature) {
+    const double offset = model.chirp_offset + model.group_offset[group];
+    switch (model.in_group[group]) {
+        case 1: add_block<1, kComplex>(model, block, count, offset, sum, quadrature); break;
+        case 2: add_block<2, kComplex>(model, block, count, offset, sum, quadrature); break;
+        case 3: add_block<3, kComplex>(model, block, count, offset, sum, quadrature); break;
+        default: add_block<4, kComplex>(model, block, count, offset, sum, quadrature); break;
+    }
+}
+
 }  // namespace
 
-void direct(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
-            int first_receiver, double *sum) {
+void direct(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count, int group,
+            double *sum, double *quadrature) {
     EchoBlock block;
     for (std::size_t first = 0; first < count; first += kBlock) {
         const int now = count - first < kBlock ? (int)(count - first) : kBlock;
-        fill_block(model, echoes, index + first, now, first_receiver, block);
-        switch (model.receivers - first_receiver) {
-            case 1: add_block<1>(model, block, now, sum); break;
-            case 2: add_block<2>(model, block, now, sum); break;
-            case 3: add_block<3>(model, block, now, sum); break;
-            default: add_block<4>(model, block, now, sum); break;
+        fill_block(model, echoes, index + first, now, group, block);
+        if (quadrature == nullptr) {
+            add_group<false>(model, block, now, group, sum, nullptr);
+        } else {
+            add_group<true>(model, block, now, group, sum, quadrature);
         }
     }
 }

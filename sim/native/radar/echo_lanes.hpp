@@ -9,7 +9,7 @@ namespace hil::sim::radar::HIL_ISA {
 constexpr int kBlock = 64;
 
 // Frequencies in cycles per chirp and per sample, reduced to [-1/2, 1/2]. The weight of receiver k is its amplitude and
-// phase at the frame's middle indices: A H exp(2 pi i (phi_0 + alpha chirp_offset + beta sample_offset - r_k d / lambda)).
+// phase at the frame's middle indices: A H exp(2 pi i (phi_0 + alpha (chirp_offset + delta_p) + beta sample_offset - (t_p + r_k) d / lambda)).
 struct alignas(64) EchoBlock {
     double alpha[kBlock], beta[kBlock], speed[kBlock];
     double re[kGroup][kBlock], im[kGroup][kBlock];
@@ -71,8 +71,9 @@ HIL_INLINE void store_single(float *to, const D &x) {
 
 // Fills the block with echoes index[0 .. count), count >= 1; rows from count on, up to a whole pack, have weight 0.
 HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
-                           int first_receiver, EchoBlock &block) {
-    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
+                           int group, EchoBlock &block) {
+    const int receivers = model.in_group[group];
+    const double chirp_offset = model.chirp_offset + model.group_offset[group];
     for (int first = 0; first < count; first += D::kCount) {
         alignas(64) std::int32_t echo[D::kCount];
         for (int lane = 0; lane < D::kCount; ++lane) echo[lane] = index[first + lane < count ? first + lane : count - 1];
@@ -90,8 +91,9 @@ HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const
         const Twofold<D> alpha = plus(times(lanes_of(model.chirp_per_mps), v), (r * v) * model.chirp_per_mps_m);
         const Twofold<D> beta = plus(times(lanes_of(model.sample_per_m), r),
                                      v * (r * model.sample_per_mps_m + model.sample_per_mps));
-        // Products with 0 or 1/2 are exact, so they need no reduction before.
-        const Twofold<D> half_alpha = {alpha.hi * model.chirp_offset, alpha.lo * model.chirp_offset};
+        // Products with 0, 1/2 and quarters are exact, so they need no reduction before. With other offsets delta_p the
+        // greatest alpha, 1e3 cycles, is rounded to 1e-13.
+        const Twofold<D> half_alpha = {alpha.hi * chirp_offset, alpha.lo * chirp_offset};
         const Twofold<D> half_beta = {beta.hi * model.sample_offset, beta.lo * model.sample_offset};
         const D phase = fraction(constant) + (fraction(half_alpha) + fraction(half_beta));
         store(block.alpha + first, fraction(alpha));
@@ -100,7 +102,7 @@ HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const
         D re, im;
         filtered(model, r * model.beat_hz_per_m, amplitude, re, im);
         for (int k = 0; k < receivers; ++k) {
-            const double *p = model.receiver[first_receiver + k];
+            const double *p = model.receiver[group * kGroup + k];
             const D path = way[0] * p[0] + way[1] * p[1] + way[2] * p[2];
             D c, s;
             turn(phase - path, c, s);

@@ -11,17 +11,19 @@ Twofold<double> exactly(double x) { return {x, 0.0}; }
 
 }  // namespace
 
-EchoModel echo_model(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
-                     double hp_cutoff_hz, double aaf_cutoff_hz) {
+EchoModel echo_model(const ChirpFigures &chirp, const ArrayFigures &array, double hp_cutoff_hz,
+                     double aaf_cutoff_hz) {
     EchoModel model{};
-    const double n = chirp.samples, rate = chirp.sample_rate_hz, repetition = chirp.repetition_s;
+    model.transmitters = static_cast<int>(array.tx_positions_m.size());
+    model.receivers = static_cast<int>(array.rx_positions_m.size());
+    const int turns = array.doppler_bands == 0 ? model.transmitters : 1;  // chirps from one of a transmitter to its next
+    const double n = chirp.samples, rate = chirp.sample_rate_hz, repetition = chirp.repetition_s * turns;
     const double bandwidth = chirp.bandwidth_hz;
-    model.chirps = chirp.chirps;
+    model.chirps = chirp.chirps / turns;
     model.samples = chirp.samples;
-    model.receivers = static_cast<int>(rx_positions_m.size());
-    model.middle_chirp = chirp.chirps / 2;
+    model.middle_chirp = model.chirps / 2;
     model.middle_sample = chirp.samples / 2;
-    model.chirp_offset = chirp.chirps % 2 == 0 ? 0.5 : 0.0;
+    model.chirp_offset = model.chirps % 2 == 0 ? 0.5 : 0.0;
     model.sample_offset = chirp.samples % 2 == 0 ? 0.5 : 0.0;
 
     // f_mid = f_c - B / 2 + B (N - 1) / (2 N)
@@ -43,9 +45,18 @@ EchoModel echo_model(const ChirpFigures &chirp, const std::vector<std::array<dou
     model.beat_hz_per_m = slope * 2.0 / kLight;
     model.hp_cutoff_hz = hp_cutoff_hz;
     model.aaf_period_s = aaf_cutoff_hz > 0.0 ? 1.0 / aaf_cutoff_hz : 0.0;
-    for (int k = 0; k < model.receivers; ++k) {
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            model.receiver[k][axis] = rx_positions_m[static_cast<std::size_t>(k)][axis] * chirp.center_frequency_hz / kLight;
+    model.groups_per_transmitter = (model.receivers + kGroup - 1) / kGroup;
+    model.groups = model.transmitters * model.groups_per_transmitter;
+    for (int g = 0; g < model.groups; ++g) {
+        const int p = g / model.groups_per_transmitter, first = g % model.groups_per_transmitter * kGroup;
+        model.in_group[g] = std::min(model.receivers - first, kGroup);
+        model.group_offset[g] = turns == 1 ? 0.0 : (p - 0.5 * (turns - 1)) / turns;
+        for (int k = 0; k < model.in_group[g]; ++k) {
+            const auto &tx = array.tx_positions_m[static_cast<std::size_t>(p)];
+            const auto &rx = array.rx_positions_m[static_cast<std::size_t>(first + k)];
+            for (std::size_t axis = 0; axis < 3; ++axis) {
+                model.receiver[g * kGroup + k][axis] = (tx[axis] + rx[axis]) * chirp.center_frequency_hz / kLight;
+            }
         }
     }
     return model;

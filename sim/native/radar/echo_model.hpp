@@ -15,6 +15,12 @@
 //     kappa_3 = -S T_c^2 u^2 / 2
 //
 // The first three separate into chirps and samples; the others (the remainder) depend on the speed alone.
+//
+// Several transmitters: a channel is a pair of a transmitter at t_p and a receiver at r_k, whose phase is that of one
+// receiver at t_p + r_k. In time division, transmitter p of P sends the chirps p, p + P, ...: its own M / P chirps repeat
+// every P T_c, and mu counts those, with the offset delta_p = (p - (P - 1) / 2) / P of their middle from the frame's. So
+// the equations above hold for each transmitter with T_c' = P T_c and mu = l - (M / P - 1) / 2 + delta_p, and the motion
+// between the chirps of two transmitters is in alpha (delta_p - delta_q) and in the remainder.
 #pragma once
 
 #include <array>
@@ -32,14 +38,28 @@ constexpr double kMinAmplitude = 1e-100;  // weaker echoes are ignored: the squa
 constexpr double kMaxAmplitude = 1e100;
 constexpr int kGroup = 4;  // receivers summed at once
 constexpr int kMaxReceivers = 16;
+constexpr int kMaxTransmitters = 12;
+constexpr int kMaxGroups = kMaxTransmitters * kMaxReceivers / kGroup;
 
 struct ChirpFigures {
     double center_frequency_hz, bandwidth_hz, sample_rate_hz, repetition_s;
     int samples, chirps;
 };
 
+struct ArrayFigures {
+    std::vector<std::array<double, 3>> tx_positions_m, rx_positions_m;
+    // 0: time division, one transmitter a chirp. Otherwise all transmit at once, transmitter p with the phase of
+    // p m / doppler_bands cycles at chirp m (Doppler division).
+    int doppler_bands;
+    bool complex_samples;  // in-phase and quadrature parts; otherwise the in-phase part alone
+};
+
 struct EchoModel {
-    int chirps, samples, receivers;
+    int chirps, samples;               // chirps of one transmitter
+    int transmitters, receivers;
+    int groups_per_transmitter, groups;  // a group: up to kGroup receivers of one transmitter
+    int in_group[kMaxGroups];          // receivers
+    double group_offset[kMaxGroups];   // delta_p of the group's transmitter
     int middle_chirp, middle_sample;   // integer index at which the phase is counted from
     double chirp_offset, sample_offset;  // mu = m - middle_chirp + chirp_offset: a half for even counts, else 0
     Twofold<double> cycles_per_m;      // phi_0 = R (cycles_per_m + R cycles_per_m2)
@@ -53,12 +73,12 @@ struct EchoModel {
     double beat_hz_per_m;
     double hp_cutoff_hz;               // 0: no high-pass
     double aaf_period_s;               // 1 / cut-off of the anti-alias filter; 0: none
-    double receiver[kMaxReceivers][3];  // r_k / lambda
+    double receiver[kMaxGroups * kGroup][3];  // (t_p + r_k) / lambda, kGroup for each group
 };
 
 // Cut-offs of 0 switch a filter off.
-EchoModel echo_model(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
-                     double hp_cutoff_hz, double aaf_cutoff_hz);
+EchoModel echo_model(const ChirpFigures &chirp, const ArrayFigures &array, double hp_cutoff_hz,
+                     double aaf_cutoff_hz);
 
 // `count` echoes; direction_R is [count][3].
 struct EchoView {

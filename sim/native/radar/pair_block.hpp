@@ -34,8 +34,10 @@ HIL_INLINE void place(const D &frequency, int width, int size, std::int32_t *sta
 // Fills all values of echoes index[0 .. count) that are computed in double. Rows from count on, up to a whole pack,
 // repeat the last echo.
 HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
-                            int first_receiver, int receivers, const SpeedNodes &nodes, double scale, int width, int rows,
-                            int columns, PairBlock &block) {
+                            int group, const SpeedNodes &nodes, double scale, int width, int rows, int columns,
+                            PairBlock &block) {
+    const int receivers = model.in_group[group];
+    const double chirp_offset = model.chirp_offset + model.group_offset[group];
     const double shrink = nodes.half_span > 0.0 ? 1.0 / nodes.half_span : 0.0;
     for (int first = 0; first < count; first += D::kCount) {
         alignas(64) std::int32_t some[D::kCount];
@@ -47,7 +49,7 @@ HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, cons
         const D r = picked<1>(echoes.range_m, echo), v = picked<1>(echoes.speed_mps, echo);
         const D alpha = v * (r * model.chirp_per_mps_m + model.chirp_per_mps.hi);
         const D beta = r * model.sample_per_m.hi + v * (r * model.sample_per_mps_m + model.sample_per_mps);
-        const D phase = r * (r * model.cycles_per_m2 + model.cycles_per_m.hi) + alpha * model.chirp_offset +
+        const D phase = r * (r * model.cycles_per_m2 + model.cycles_per_m.hi) + alpha * chirp_offset +
                         beta * model.sample_offset;
         place(alpha - nearest(alpha), width, rows, block.start[0] + first, block.offset[0] + first);
         place(beta - nearest(beta), width, columns, block.start[1] + first, block.offset[1] + first);
@@ -59,7 +61,7 @@ HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, cons
         const D way[3] = {picked<3>(echoes.direction_R, echo), picked<3>(echoes.direction_R + 1, echo),
                           picked<3>(echoes.direction_R + 2, echo)};
         for (int k = 0; k < receivers; ++k) {
-            const double *p = model.receiver[first_receiver + k];
+            const double *p = model.receiver[group * kGroup + k];
             const D turns = phase - (way[0] * p[0] + way[1] * p[1] + way[2] * p[2]);
             store_single(block.phase[k] + first, turns - nearest(turns));
         }

@@ -47,7 +47,10 @@ ReceiverChain::ReceiverChain(std::size_t chirps, std::size_t samples, const std:
             if (decay_.size() != chirps_) throw std::invalid_argument("decay needs one value per chirp");
             channel.start = padded_to(given.start, samples_, padded_);
         }
-        if (!given.colour.empty()) {
+        if (given.colour.size() == 1) {
+            channel.envelope = padded_to(given.envelope, samples_, padded_);
+            channel.white_sigma = given.colour[0];
+        } else if (!given.colour.empty()) {
             if (given.colour.size() != samples_) throw std::invalid_argument("colour needs one value per sample");
             channel.envelope = padded_to(given.envelope, samples_, padded_);
             channel.colour_from.resize(samples_ + padded_);
@@ -66,7 +69,7 @@ std::size_t ReceiverChain::digitise(const double *signal, std::uint64_t seq, std
     for (std::size_t k = 0; k < channels_.size(); ++k) {
         const Channel &channel = channels_[k];
         const bool coloured = !channel.colour_from.empty();
-        if (coloured) image_normals(channel.colour_key, seq, white_.data(), white_.size());
+        if (coloured || channel.white_sigma > 0.0) image_normals(channel.colour_key, seq, white_.data(), white_.size());
         if (channel.wander > 0.0) image_normals(channel.wander_key, seq, steps_.data(), steps_.size());
         for (std::size_t m = 0; m < chirps_; ++m) {
             const std::size_t first = (k * chirps_ + m) * samples_;
@@ -79,6 +82,7 @@ std::size_t ReceiverChain::digitise(const double *signal, std::uint64_t seq, std
             task.decay = channel.start.empty() ? 0.0 : decay_[m];
             task.offset = channel.wander > 0.0 ? channel.wander * static_cast<double>(steps_[m]) : 0.0;
             task.colour_from = coloured ? channel.colour_from.data() : nullptr;
+            task.white_sigma = channel.white_sigma;
             task.envelope = channel.envelope.data();
             task.white = white_.data() + m * samples_;
             task.converter = converter_;

@@ -28,7 +28,7 @@ namespace hil::sim::radar {
 struct ReceiverNoise {
     std::vector<double> fixed;   // (N)
     std::vector<double> start;   // (N)
-    std::vector<double> colour;  // (N) h
+    std::vector<double> colour;  // (N) h; or (1), h[0], for white noise, whose other h are 0
     std::vector<double> envelope;  // (N) g; needed with a colour
     double wander = 0.0;
     ImageKey colour_key{};
@@ -50,6 +50,7 @@ struct ChirpTask {
     double decay;
     double offset;              // the chirp's own DC
     const double *colour_from;  // or null
+    double white_sigma;         // without colour_from: deviation of white noise, 0 for none
     const double *envelope;     // (padded), with colour_from
     const float *white;         // (samples)
     Converter converter;
@@ -82,7 +83,7 @@ class ReceiverChain {
   private:
     struct Channel {
         std::vector<double> fixed, start, colour_from, envelope;
-        double wander;
+        double wander, white_sigma;
         ImageKey colour_key, wander_key;
     };
 

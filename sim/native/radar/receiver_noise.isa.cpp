@@ -39,6 +39,11 @@ bool chirp(const ChirpTask &task) {
             __builtin_memcpy(task.work + at, &x, sizeof x);
         }
     }
+    if (task.white_sigma > 0.0) {
+        for (std::size_t n = 0; n < task.samples; ++n) {
+            task.work[n] = task.work[n] + task.envelope[n] * (task.white_sigma * (double)task.white[n]);
+        }
+    }
     const double odd = task.converter.odd_width, even = 2.0 - odd, top = task.converter.top;
     bool finite = true;
     for (std::size_t n = 0; n < task.samples; ++n) {

@@ -20,7 +20,9 @@ RemainderSpread::RemainderSpread(const EchoModel &model) {
     const double rate = model.delay_per_mps * (1.0 + 4.0 * kMaxSpeed * model.delay_per_mps);
     const double bend_rate = 2.0 * model.bend * model.delay_per_mps * model.delay_per_mps * kMaxSpeed;
     double moment[kMaxNodes + 1] = {};
-    const double half_m = 0.5 * (model.chirps - 1), half_n = 0.5 * (model.samples - 1);
+    double offset = 0.0;
+    for (int g = 0; g < model.groups; ++g) offset = std::max(offset, std::fabs(model.group_offset[g]));
+    const double half_m = 0.5 * (model.chirps - 1) + offset, half_n = 0.5 * (model.samples - 1);
     const double worst = 2.0 * det::kPi *
                          (model.migration * rate * half_m * half_n + model.curve * rate * half_n * half_n + bend_rate * half_m * half_m);
     for (int i = 0; i < kPoints; ++i) {

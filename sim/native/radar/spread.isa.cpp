@@ -7,7 +7,7 @@ namespace hil::sim::radar::HIL_ISA {
 
 Weighing weigh(const EchoModel &, const EchoView &, double *);
 std::size_t count_below(const double *, std::size_t, double);
-void direct(const EchoModel &, const EchoView &, const std::int32_t *, std::size_t, int, double *);
+void direct(const EchoModel &, const EchoView &, const std::int32_t *, std::size_t, int, double *, double *);
 template <class Real>
 void transform(const EchoModel &, const Grid<Real> &, int, int, const double *, const Transform<Real> &);
 extern template void transform(const EchoModel &, const Grid<double> &, int, int, const double *,
@@ -111,25 +111,25 @@ HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &p
 
 // Not inlined: it does not depend on the width, and would be compiled once for every width.
 HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
-                                          int count, int first_receiver, const SpeedNodes &nodes, EchoBlock &block,
+                                          int count, int group, const SpeedNodes &nodes, EchoBlock &block,
                                           BlockPlaces &places) {
-    fill_block(model, echoes, index, count, first_receiver, block);
+    fill_block(model, echoes, index, count, group, block);
     if (nodes.count > 1) lagrange(nodes, block.speed, count, places.term);
 }
 
 template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
-                  int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
+                  int group, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
                   const Grid<double> &grid) {
     constexpr int kReals = kRegisterBytes / (int)sizeof(double);
     EchoBlock block;
     BlockPlaces places;
-    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
+    const int receivers = model.in_group[group];
     __builtin_memset(places.weight, 0, sizeof places.weight);
     for (int e = 0; e < kBlock; ++e) places.term[0][e] = 1.0;
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
-        make_ready(model, echoes, index + from, now, first_receiver, nodes, block, places);
+        make_ready(model, echoes, index + from, now, group, nodes, block, places);
         place<kWidth>(kernel, block.alpha, grid.rows, now, places.start[0], places.tap[0]);
         place<kWidth>(kernel, block.beta, grid.columns, now, places.start[1], places.tap[1]);
         for (int j = 0; j < planes; ++j) {
@@ -151,10 +151,10 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
 }
 
 void spread(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
-            int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
+            int group, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
             const Grid<double> &grid) {
 #define HIL_WIDTH(w)                                                                                              \
-    case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, planes, grid); \
+    case w: spread_width<w>(model, echoes, index, count, group, kernel, nodes, first_term, planes, grid); \
         break;
     switch (kernel.width) {
         HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7) HIL_WIDTH(8) HIL_WIDTH(9) HIL_WIDTH(10)

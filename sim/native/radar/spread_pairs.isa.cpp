@@ -159,18 +159,16 @@ HIL_INLINE void add_run(const PairBlock &block, const Run &run, const float (*we
 
 // Not inlined: it does not depend on the width, and would be compiled once for every width.
 HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
-                                          int count, int first_receiver, const SpeedNodes &nodes, int width,
+                                          int count, int group, const SpeedNodes &nodes, int width,
                                           const Grid<float> &grid, PairBlock &block) {
-    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
-    fill_phases(model, echoes, index, count, first_receiver, receivers, nodes, grid.scale, width, grid.rows, grid.columns,
-                block);
-    fill_weights(count, receivers, block);
+    fill_phases(model, echoes, index, count, group, nodes, grid.scale, width, grid.rows, grid.columns, block);
+    fill_weights(count, model.in_group[group], block);
     fill_terms(nodes, count, block);
 }
 
 template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
-                  int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
+                  int group, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
                   const Grid<float> &grid) {
     PairBlock block;
     alignas(64) float weight[kBlock][kCell<float>];
@@ -178,7 +176,7 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
     __builtin_memset(&block, 0, sizeof block);  // whole packs are read, also if the last one is incomplete
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
-        make_ready(model, echoes, index + from, now, first_receiver, nodes, kWidth, grid, block);
+        make_ready(model, echoes, index + from, now, group, nodes, kWidth, grid, block);
         fill_taps<kWidth>(kernel, block.offset[0], now, block.tap[0]);
         fill_taps<kWidth>(kernel, block.offset[1], now, block.tap[1]);
         const int runs = find_runs<kWidth>(grid, planes, now, block, run);
@@ -192,10 +190,10 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
 }  // namespace
 
 void spread_pairs(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
-                  int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
+                  int group, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
                   const Grid<float> &grid) {
 #define HIL_WIDTH(w)                                                                                              \
-    case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, planes, grid); \
+    case w: spread_width<w>(model, echoes, index, count, group, kernel, nodes, first_term, planes, grid); \
         break;
     switch (kernel.width) {
         HIL_WIDTH(2) HIL_WIDTH(3) HIL_WIDTH(4) HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7)

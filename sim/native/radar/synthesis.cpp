@@ -124,18 +124,23 @@ void Synthesis::Cells<Real>::clear(int wanted, double scale) {
     std::fill(additions.begin(), additions.end(), std::uint8_t{0});
 }
 
-Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
-                     double hp_cutoff_hz, double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, Isa isa)
-    : model_(echo_model(chirp, rx_positions_m, hp_cutoff_hz, aaf_cutoff_hz)),
+Synthesis::Synthesis(const ChirpFigures &chirp, const ArrayFigures &array, double hp_cutoff_hz, double aaf_cutoff_hz,
+                     bool direct, double tolerance, double drop_share, Isa isa)
+    : model_(echo_model(chirp, array, hp_cutoff_hz, aaf_cutoff_hz)),
       kernels_(synthesis_kernels(isa)),
       direct_(direct),
       tolerance_(tolerance),
       drop_share_(drop_share),
-      groups_((model_.receivers + kGroup - 1) / kGroup),
+      complex_(array.complex_samples),
+      bands_(array.doppler_bands),
+      coherent_(bands_ > 0 ? std::sqrt(static_cast<double>(model_.transmitters)) : 1.0),
+      band_phase_(bands_ > 0 ? twiddles<double>(bands_) : std::vector<double>()),
+      groups_(model_.groups),
       wide_((model_.samples + 7) / 8 * 8),
       remainder_(model_) {
     const auto frame = static_cast<std::size_t>(groups_) * kGroup * static_cast<std::size_t>(model_.chirps);
     direct_sum_ = aligned<double>(frame * static_cast<std::size_t>(wide_));
+    if (complex_ || bands_ > 0) quadrature_sum_ = aligned<double>(frame * static_cast<std::size_t>(wide_));
     if (!direct_) {
         grid_sum_ = aligned<double>(2 * frame * static_cast<std::size_t>(model_.samples));
         prepare_grid();
@@ -168,11 +173,13 @@ void Synthesis::add_direct(const EchoView &echoes, const std::int32_t *index, st
     if (!direct_used_) {
         const auto size = static_cast<std::size_t>(groups_ * kGroup * model_.chirps) * static_cast<std::size_t>(wide_);
         std::fill_n(direct_sum_.get(), size, 0.0);
+        if (quadrature_sum_) std::fill_n(quadrature_sum_.get(), size, 0.0);
         direct_used_ = true;
     }
     const std::ptrdiff_t group = static_cast<std::ptrdiff_t>(kGroup) * model_.chirps * wide_;
     for (int g = 0; g < groups_; ++g) {
-        kernels_.direct(model_, echoes, index, count, g * kGroup, direct_sum_.get() + g * group);
+        kernels_.direct(model_, echoes, index, count, g, direct_sum_.get() + g * group,
+                        quadrature_sum_ ? quadrature_sum_.get() + g * group : nullptr);
     }
     report.direct += count;
 }
@@ -190,7 +197,7 @@ void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const
     const auto w = static_cast<std::size_t>(width);
     for (int g = 0; g < groups_; ++g) {
         const Transform<Real> transform{
-            chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
+            model_.group_offset[g], chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
             cells.work.get(), cells.by_chirp.get(), cells.factor.get(),
             grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kChannel * model_.chirps * model_.samples,
             chirp_outer_[w].data(), sample_outer_[w].data(), static_cast<int>(chirp_outer_[w].size()),
@@ -198,7 +205,7 @@ void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const
         for (int first = 0; first < needed; first += at_once) {
             const int planes = std::min(at_once, needed - first);
             cells.clear(planes, scale);
-            kernels.spread(model_, echoes, index, panel.count, g * kGroup, kernel_[w], nodes, first * kTerms<Real>, planes,
+            kernels.spread(model_, echoes, index, panel.count, g, kernel_[w], nodes, first * kTerms<Real>, planes,
                            cells.grid);
             for (int j = 0; j < planes; ++j) {
                 double speed[kTerms<Real>];
@@ -249,7 +256,8 @@ void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &w
 std::size_t Synthesis::drop(std::size_t count, const Weighing &weighing, double &sum) {
     sum = 0.0;
     // ||x|| is about sqrt(S M N K / 2), S the sum of squared weights, and the dropped ones are at most sum |w| sqrt(M N K).
-    const double allowed = kFirstError * drop_share_ * tolerance_ * std::sqrt(0.5 * weighing.sum_squares);
+    // With bands, the transmitters' shares of a sample may be in phase.
+    const double allowed = kFirstError * drop_share_ * tolerance_ / coherent_ * std::sqrt(0.5 * weighing.sum_squares);
     const double limit = allowed * allowed;  // stronger echoes are never dropped
     const std::size_t candidates = kernels_.count_below(weight_squared_.data(), weight_squared_.size(), limit);
     if (static_cast<double>(candidates) < kWorthDropping * static_cast<double>(count)) return 0;
@@ -295,31 +303,92 @@ void Synthesis::clear() {
     growth_ = {};
 }
 
-Synthesis::Norms Synthesis::gather(double *out) const {
+template <bool kComplex>
+void Synthesis::gather_turns(double *out, Energies &energies) const {
     const auto chirps = static_cast<std::size_t>(model_.chirps), samples = static_cast<std::size_t>(model_.samples);
-    const auto wide = static_cast<std::size_t>(wide_);
-    double real[8] = {}, complex[8] = {};
+    const auto wide = static_cast<std::size_t>(wide_), turns = static_cast<std::size_t>(model_.transmitters);
+    const auto groups = static_cast<std::size_t>(model_.groups_per_transmitter);
+    const std::size_t channel = turns * chirps * samples;
     for (std::size_t k = 0; k < static_cast<std::size_t>(model_.receivers); ++k) {
-        const double *grid = grid_sum_.get() + k / kGroup * kChannel * chirps * samples + k % kGroup;
-        for (std::size_t m = 0; m < chirps; ++m) {
-            const double *direct = direct_sum_.get() + (k * chirps + m) * wide;
-            double *to = out + (k * chirps + m) * samples;
-            for (std::size_t n = 0; n < samples; ++n) {
-                double sum = direct_used_ ? direct[n] : 0.0;
-                if (grid_used_) {
-                    const double re = grid[(m * samples + n) * kChannel], im = grid[(m * samples + n) * kChannel + kGroup];
-                    complex[n % 8] += re * re + im * im;
-                    sum = re + sum;
+        for (std::size_t p = 0; p < turns; ++p) {
+            const std::size_t group = p * groups + k / kGroup, slot = group * kGroup + k % kGroup;
+            const double *grid = grid_sum_.get() + group * kChannel * chirps * samples + k % kGroup;
+            for (std::size_t m = 0; m < chirps; ++m) {
+                const double *direct = direct_sum_.get() + (slot * chirps + m) * wide;
+                const double *quadrature = kComplex ? quadrature_sum_.get() + (slot * chirps + m) * wide : nullptr;
+                double *to = out + (kComplex ? 2 * k : k) * channel + (m * turns + p) * samples;
+                for (std::size_t n = 0; n < samples; ++n) {
+                    double sum = direct_used_ ? direct[n] : 0.0, turned = 0.0;
+                    if constexpr (kComplex) turned = direct_used_ ? quadrature[n] : 0.0;
+                    if (grid_used_) {
+                        const double re = grid[(m * samples + n) * kChannel];
+                        const double im = grid[(m * samples + n) * kChannel + kGroup];
+                        energies.complex[n % 8] += re * re + im * im;
+                        sum = re + sum;
+                        if constexpr (kComplex) turned = im + turned;
+                    }
+                    to[n] = sum;
+                    energies.real[n % 8] += sum * sum;
+                    if constexpr (kComplex) {
+                        to[channel + n] = turned;
+                        energies.real[n % 8] += turned * turned;
+                    }
                 }
-                to[n] = sum;
-                real[n % 8] += sum * sum;
             }
         }
     }
+}
+
+template <bool kComplex>
+void Synthesis::gather_bands(double *out, Energies &energies) const {
+    const auto chirps = static_cast<std::size_t>(model_.chirps), samples = static_cast<std::size_t>(model_.samples);
+    const auto wide = static_cast<std::size_t>(wide_), bands = static_cast<std::size_t>(bands_);
+    const auto groups = static_cast<std::size_t>(model_.groups_per_transmitter);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(model_.receivers); ++k) {
+        for (std::size_t m = 0; m < chirps; ++m) {
+            double *to = out + ((kComplex ? 2 * k : k) * chirps + m) * samples;
+            for (std::size_t n = 0; n < samples; ++n) {
+                double sum = 0.0, turned = 0.0;
+                for (std::size_t p = 0; p < static_cast<std::size_t>(model_.transmitters); ++p) {
+                    const std::size_t group = p * groups + k / kGroup, slot = group * kGroup + k % kGroup;
+                    double re = 0.0, im = 0.0;
+                    if (grid_used_) {
+                        const double *grid = grid_sum_.get() + (group * chirps * samples + m * samples + n) * kChannel + k % kGroup;
+                        re = grid[0];
+                        im = grid[kGroup];
+                        energies.complex[n % 8] += re * re + im * im;
+                    }
+                    if (direct_used_) {
+                        re += direct_sum_[(slot * chirps + m) * wide + n];
+                        im += quadrature_sum_[(slot * chirps + m) * wide + n];
+                    }
+                    const std::size_t at = p * m % bands;
+                    const double c = band_phase_[2 * at], s = band_phase_[2 * at + 1];
+                    sum += re * c - im * s;
+                    turned += re * s + im * c;
+                }
+                to[n] = sum;
+                energies.real[n % 8] += sum * sum;
+                if constexpr (kComplex) {
+                    to[chirps * samples + n] = turned;
+                    energies.real[n % 8] += turned * turned;
+                }
+            }
+        }
+    }
+}
+
+Synthesis::Norms Synthesis::gather(double *out) const {
+    Energies energies;
+    if (bands_ > 0) {
+        complex_ ? gather_bands<true>(out, energies) : gather_bands<false>(out, energies);
+    } else {
+        complex_ ? gather_turns<true>(out, energies) : gather_turns<false>(out, energies);
+    }
     Norms norms{0.0, 0.0, 1.0};
     for (int i = 0; i < 8; ++i) {
-        norms.real += real[i];
-        norms.complex += complex[i];
+        norms.real += energies.real[i];
+        norms.complex += energies.complex[i];
     }
     norms.real = std::sqrt(norms.real);
     norms.complex = std::sqrt(norms.complex);
@@ -381,11 +450,13 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
         return report;
     }
 
-    const double samples = std::sqrt(static_cast<double>(model_.receivers) * model_.chirps * model_.samples);
+    // Of all transmitters: with bands several of them share a sample of the frame, and their errors may be in phase.
+    const double samples = coherent_ * std::sqrt(static_cast<double>(model_.transmitters) * model_.receivers *
+                                                 model_.chirps * model_.samples);
     const double expected = std::sqrt(0.5 * weighing.sum_squares) * samples;
     double dropped_sum = 0.0;
     std::size_t dropped = drop_share_ > 0.0 ? drop(count, weighing, dropped_sum) : 0;
-    double error = kFirstError * tolerance_ * (dropped > 0 ? 1.0 - drop_share_ : 1.0);
+    double error = kFirstError * tolerance_ / coherent_ * (dropped > 0 ? 1.0 - drop_share_ : 1.0);
     for (report.rounds = 1;; ++report.rounds) {
         report.terms = report.panels = 0;
         report.direct = 0;
@@ -405,7 +476,7 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
         const double missing = dropped > 0 ? dropped_sum * samples : 0.0;
         // Errors add up as the echoes do: if echoes are in phase, both sums are greater than expected. Taking the real
         // part halves the power of the sum, but not always that of the errors.
-        const double scale = std::max(expected, norms.complex) * norms.growth;
+        const double scale = std::max(expected, coherent_ * norms.complex) * norms.growth;
         const double missed = planned * scale + missing;
         if (missed <= tolerance_ * norm || (planned == 0.0 && dropped == 0)) {
             report.dropped = dropped;

@@ -1,4 +1,6 @@
-// Raw samples of a frame from its echoes: x[k, m, n] = sum over echoes of A |H| cos(2 pi phase + arg H), noise-free.
+// Raw samples of a frame from its echoes: x[k, m, n] = sum over echoes of A |H| cos(2 pi phase + arg H), noise-free; with
+// complex samples also the sum of A |H| sin(...). With several transmitters, each chirp has the echoes of those that
+// transmit in it (echo_model.hpp).
 //
 // Methods: the direct sum (the reference), and a type-1 non-uniform FFT in two dimensions (Dutt and Rokhlin, SIAM J. Sci.
 // Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, and the result
@@ -48,12 +50,13 @@ struct FreeAligned {
 class Synthesis {
 public:
     // drop_share: share of the tolerance that may be used for leaving out the weakest echoes; 0: none is left out.
-    Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m, double hp_cutoff_hz,
-              double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, frame::Isa isa);
+    Synthesis(const ChirpFigures &chirp, const ArrayFigures &array, double hp_cutoff_hz, double aaf_cutoff_hz,
+              bool direct, double tolerance, double drop_share, frame::Isa isa);
 
     const EchoModel &model() const { return model_; }
 
-    // Overwrites out [receivers][chirps][samples]. Throws std::invalid_argument that names the first echo that is not
+    // Overwrites out [channels][chirps of the frame][samples]. A channel is a receiver; with complex samples there are two
+    // for each receiver, the in-phase part before the quadrature part. Throws std::invalid_argument that names the first echo that is not
     // finite or exceeds the limits of echo_model.hpp.
     SynthesisReport synthesize(const EchoView &echoes, double *out);
 
@@ -99,6 +102,14 @@ private:
         double real, complex;  // of the frame; of its grids before their real part was taken
         double growth;         // of the errors, where the echoes cancel within the frame but not beyond it
     };
+    struct Energies {
+        double real[8] = {}, complex[8] = {};  // of every eighth sample
+    };
+    // Sums of the grid and of the direct method, as the chirps of the frame: one transmitter in each, or all.
+    template <bool kComplex>
+    void gather_turns(double *out, Energies &energies) const;
+    template <bool kComplex>
+    void gather_bands(double *out, Energies &energies) const;
     Norms gather(double *out) const;
     [[noreturn]] void refuse(const EchoView &echoes) const;
 
@@ -106,6 +117,10 @@ private:
     const SynthesisKernels &kernels_;
     bool direct_;
     double tolerance_, drop_share_;
+    bool complex_;
+    int bands_;             // Doppler division; 0: time division
+    double coherent_;       // greatest sum of the transmitters' errors in a sample, in root mean squares of one
+    std::vector<double> band_phase_;  // cos, sin of j / bands_ cycles
     int groups_, wide_;
     RemainderSpread remainder_;
 
@@ -124,7 +139,7 @@ private:
     int rows_ = 0, columns_ = 0;  // of the grids
     Cells<double> one_term_;
     Cells<float> two_terms_;
-    Aligned<double> grid_sum_, direct_sum_;
+    Aligned<double> grid_sum_, direct_sum_, quadrature_sum_;  // the last one with complex samples or bands
     bool grid_used_ = false, direct_used_ = false;
 };
 

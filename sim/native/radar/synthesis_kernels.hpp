@@ -52,6 +52,7 @@ struct Growth {
 
 template <class Real>
 struct Transform {
+    double offset;     // delta_p of the group's transmitter
     const double *chirp_scale, *sample_scale;  // one over the kernel's transform, (chirps,) and (samples,)
     const Real *chirp_twiddle, *sample_twiddle;  // cos, sin of 2 pi j / rows and / columns
     Real *work;        // 2 * max(rows, columns) cells
@@ -69,7 +70,7 @@ template <class Real>
 struct GridKernels {
     // Adds the echoes of `index` to the grid's planes. The terms from first_term on go to the planes in turn.
     void (*spread)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
-                   int first_receiver, const SpreadKernel &, const SpeedNodes &, int first_term, int planes,
+                   int group, const SpreadKernel &, const SpeedNodes &, int first_term, int planes,
                    const Grid<Real> &);
     // Transforms one plane (its halo is folded in), applies the remainder of each term, adds to transform.sum.
     void (*transform)(const EchoModel &, const Grid<Real> &, int plane, int width, const double *speed,
@@ -81,9 +82,10 @@ struct SynthesisKernels {
     Weighing (*weigh)(const EchoModel &, const EchoView &, double *weight_squared);
     // Number of values of x, all >= 0, in (0, limit).
     std::size_t (*count_below)(const double *x, std::size_t count, double limit);
-    // Adds the echoes of `index` to sum [receivers of the group][chirps][samples rounded up to 8].
-    void (*direct)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
-                   int first_receiver, double *sum);
+    // Adds the echoes of `index` to sum [receivers of the group][chirps][samples rounded up to 8], the real part; the
+    // imaginary part to `quadrature`, if that is not null.
+    void (*direct)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count, int group,
+                   double *sum, double *quadrature);
     GridKernels<double> one_term;
     GridKernels<float> two_terms;
 };

@@ -165,12 +165,13 @@ void fold(const Grid<Real> &grid, Real *plane, int width) {
 HIL_INLINE void store_factor(double *to, const D &x) { store(to, x); }
 HIL_INLINE void store_factor(float *to, const D &x) { store_single(to, x); }
 
-// factor: cos and sin, times the scales, of the remainder at chirp m: samples in packs of eight, cos then sin.
+// factor: cos and sin, times the scales, of the remainder at chirp m: samples in packs of eight, cos then sin. `offset`:
+// of mu, its transmitter's delta_p included.
 template <class Real>
-void remainder_row(const EchoModel &model, double speed, int m, double chirp_scale, const double *sample_scale,
-                   Real *factor) {
+void remainder_row(const EchoModel &model, double speed, int m, double offset, double chirp_scale,
+                   const double *sample_scale, Real *factor) {
     const Remainder g = remainder_at(model, splat<D>(speed));
-    const double mu = m - model.middle_chirp + model.chirp_offset;
+    const double mu = m - model.middle_chirp + offset;
     for (int n = 0; n < model.samples; n += D::kCount) {
         alignas(64) double lane[D::kCount], scale[D::kCount];
         for (int i = 0; i < D::kCount; ++i) {
@@ -245,7 +246,7 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
                        t.chirp_scale[m] * t.chirp_scale[m] * squared, 0, *t.growth);
         }
         for (int k = 0; k < kTerms<Real>; ++k) {
-            remainder_row(model, speed[k], m, t.chirp_scale[m], t.sample_scale, t.factor + k * next_term);
+            remainder_row(model, speed[k], m, model.chirp_offset + t.offset, t.chirp_scale[m], t.sample_scale, t.factor + k * next_term);
         }
         double *sum = t.sum + (long)m * model.samples * kChannel;
         for (int n = 0; n < model.samples; ++n, sum += kChannel) {

@@ -52,7 +52,7 @@ class Cfar:
         doppler, ranges = np.ogrid[-half_rows : half_rows + 1, -half_columns : half_columns + 1]
         self._trains = (abs(doppler) > p.guard_doppler) | (abs(ranges) > p.guard_range)
         self.cells_per_independent = cells_per_independent(
-            maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, self._trains
+            maps.fast_window, maps.slow_window, maps.fast_padded, maps.slow_padded, self._trains
         )
         # Not training cells: rows in which clutter removal also removed noise, and the first columns.
         self._quiet = np.zeros(self._shape, dtype=bool)

@@ -11,7 +11,11 @@ of a moving echo is shifted by its Doppler frequency at the middle of the sweep,
     R = range_step (k + d_range) - v f_c / S.
 
 A peak that may be a side lobe of a stronger peak is dropped. The side lobes of the two windows form a cross about a
-peak, and another cross about its mirror image at minus its range and speed, which exists because samples are real.
+peak, and with real samples another cross about its mirror image at minus its range and speed.
+
+With transmitters that take turns, the values of the channels are brought to one time before angles are found, with the
+turn per chirp of the peak itself (sim/radar/virtual_array.py). An echo beyond the unambiguous speed is brought to a
+wrong time, so its angle is wrong, too.
 
 `speed_mps` is the apparent speed, modulo 2 v_max; the range of an echo faster than v_max is corrected with its apparent
 speed, and is short by (v - v_apparent) f_c / S.
@@ -24,13 +28,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_asin, det_atan2, det_log
+from signals._kernel import det_asin, det_atan2, det_cos, det_log, det_sin
+from signals.units import TURN_RAD
 from sim.radar.chirp import Chirp
 from sim.radar.processing.cfar import Cfar, Indices
 from sim.radar.processing.directions import Directions
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
 from sim.radar.processing.windows import ratio_table, side_lobes
+from sim.radar.virtual_array import VirtualArray
 
 POINT_DTYPE = np.dtype(
     [
@@ -54,6 +60,7 @@ _NEIGHBOURS = [(d, e) for d in (-1, 0, 1) for e in (-1, 0, 1) if (d, e) != (0, 0
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Complex128 = NDArray[np.complex128]
 
 
 class PointFinder:
@@ -62,23 +69,25 @@ class PointFinder:
     def __init__(
         self,
         chirp: Chirp,
-        rx_positions_m: Sequence[Sequence[float]],
+        array: VirtualArray,
         processing: Processing,
         maps: RangeDoppler,
     ) -> None:
+        """`chirp`: of one transmitter."""
         self._max_points = processing.max_points
         self._maps = maps
-        self._cfar = Cfar(maps, len(rx_positions_m), processing)
-        self._directions = Directions(rx_positions_m, chirp.wavelength_m)
+        self._cfar = Cfar(maps, len(array.positions_m), processing)
+        self._directions = Directions(array.positions_m, chirp.wavelength_m)
+        self._turn_offsets, self._mirrored = array.turn_offsets, chirp.sampling == "real"
         self._first_column = max(1, maps.quiet_columns, int(processing.min_range_m / maps.range_step_m + 0.999))
         # Frequency at the middle of the samples, half a sample before the centre of the sweep.
         middle_hz = chirp.center_frequency_hz - 0.5 * chirp.slope_hz_per_s / chirp.sample_rate_hz
         self._speed_step_mps = maps.speed_step_mps * chirp.center_frequency_hz / middle_hz
         self._coupling_s = middle_hz / chirp.slope_hz_per_s
-        self._range_ratio = ratio_table(maps.fast_window, 2 * maps.columns)
-        self._speed_ratio = ratio_table(maps.slow_window, maps.rows)
-        range_lobes, self._range_null = side_lobes(maps.fast_window, 2 * maps.columns, maps.columns)
-        speed_lobes, self._speed_null = side_lobes(maps.slow_window, maps.rows, maps.rows // 2)
+        self._range_ratio = ratio_table(maps.fast_window, maps.fast_padded)
+        self._speed_ratio = ratio_table(maps.slow_window, maps.slow_padded)
+        range_lobes, self._range_null = side_lobes(maps.fast_window, maps.fast_padded, maps.fast_padded // 2)
+        speed_lobes, self._speed_null = side_lobes(maps.slow_window, maps.slow_padded, maps.rows // 2)
         self._range_lobes, self._speed_lobes = np.array(range_lobes), np.array(speed_lobes)
 
     def find(self, power: Float32) -> NDArray[np.void]:
@@ -109,8 +118,9 @@ class PointFinder:
             row, column = rows[kept], columns[kept]
             limit = _LOBE_MARGIN * height[kept]
             lobe = height[i] < limit * self._lobes(rows[i] - row, columns[i] - column)
-            mirrored = height[i] < limit * self._lobes(rows[i] + row - self._maps.rows, columns[i] + column)
-            if not (lobe | mirrored).any():
+            if self._mirrored:
+                lobe |= height[i] < limit * self._lobes(rows[i] + row - self._maps.rows, columns[i] + column)
+            if not lobe.any():
                 kept.append(i)
             if len(kept) == self._max_points:
                 break
@@ -123,7 +133,7 @@ class PointFinder:
         """
         rows, columns = np.abs(rows) % self._maps.rows, np.abs(columns)
         rows = np.minimum(rows, self._maps.rows - rows)
-        columns = np.minimum(columns, 2 * self._maps.columns - columns)
+        columns = np.minimum(columns, self._maps.fast_padded - columns)
         main = (rows <= self._speed_null) & (columns <= self._range_null)
         lobes: Float64 = np.where(main, 0.0, self._speed_lobes[rows] * self._range_lobes[columns])
         return lobes
@@ -133,11 +143,13 @@ class PointFinder:
         amplitude = np.sqrt(power.astype(np.float64))
         peak = amplitude[rows, columns]
         faster, slower = amplitude[(rows + 1) % row_count, columns], amplitude[rows - 1, columns]
-        speed = self._speed_step_mps * (rows - row_count // 2 + _bins_off(self._speed_ratio, slower, peak, faster))
+        turning = rows - row_count // 2 + _bins_off(self._speed_ratio, slower, peak, faster)
+        speed = self._speed_step_mps * turning
         speed[speed < -0.5 * self._speed_step_mps * row_count] += self._speed_step_mps * row_count
         offset = _bins_off(self._range_ratio, amplitude[rows, columns - 1], peak, amplitude[rows, columns + 1])
         range_m = self._maps.range_step_m * (columns + offset) - self._coupling_s * speed
-        directions = self._directions.find(self._maps.spectra(rows, columns))
+        cells = self._at_one_time(self._maps.spectra(rows, columns), turning / self._maps.slow_padded)
+        directions = self._directions.find(cells)
         height = power[rows, columns].astype(np.float64)
         snr = np.minimum(height / np.maximum(noise, 1e-20 * height), 1e20)
         points = np.empty(len(rows), POINT_DTYPE)
@@ -148,6 +160,22 @@ class PointFinder:
         points["elevation_rad"] = [det_asin(z) for _, _, z in directions.tolist()]
         points["snr_db"] = [min(_MAX_DECIBELS, _DECIBELS_PER_NEPER * det_log(ratio)) for ratio in snr.tolist()]
         return points
+
+    def _at_one_time(self, cells: Complex128, cycles: Float64) -> Complex128:
+        """Return the channels' values as if their transmitters had taken the same chirps.
+
+        `cycles`: turn of each cell's echo from one of a transmitter's chirps to its next. In real numbers, since
+        numpy's complex product depends on the CPU.
+        """
+        if not any(self._turn_offsets):
+            return cells
+        at_middle = np.empty_like(cells)
+        for k, offset in enumerate(self._turn_offsets):
+            angle = (-TURN_RAD * offset * cycles).tolist()
+            c, s = np.array([det_cos(a) for a in angle]), np.array([det_sin(a) for a in angle])
+            at_middle[k].real = cells[k].real * c - cells[k].imag * s
+            at_middle[k].imag = cells[k].real * s + cells[k].imag * c
+        return at_middle
 
 
 def _bins_off(table: Sequence[float], before: Float64, here: Float64, after: Float64) -> Float64:

@@ -15,6 +15,7 @@ from sim.radar.processing.parameters import Processing
 from sim.radar.processing.points import POINT_DTYPE, PointFinder
 from sim.radar.processing.range_doppler import RangeDoppler
 from sim.radar.processing.tracker import TRACK_DTYPE, Tracker
+from sim.radar.virtual_array import VirtualArray, as_array
 
 Step = Literal["range_doppler", "points", "tracks"]
 
@@ -23,7 +24,7 @@ Step = Literal["range_doppler", "points", "tracks"]
 class Processed:
     """Results of one frame, in new arrays."""
 
-    range_doppler: NDArray[np.float32]  # (M', N'/2) counts^2, mean over receivers; rows from -v_max to v_max
+    range_doppler: NDArray[np.float32]  # (M', N'/2) counts^2, mean over the virtual array; rows from -v_max to v_max
     points: NDArray[np.void]  # POINT_DTYPE, strongest first
     tracks: NDArray[np.void]  # TRACK_DTYPE, oldest first
 
@@ -31,21 +32,26 @@ class Processed:
 class Processor:
     """Processing chain of one radar; frames come in order of time. Equal frames give equal bytes."""
 
-    def __init__(self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing) -> None:
-        """Raises ValueError for a chirp that does not fit the settings."""
-        problem = processing.problem_with(chirp)
+    def __init__(self, chirp: Chirp, array: VirtualArray | Sequence[Sequence[float]], processing: Processing) -> None:
+        """Raises ValueError for a chirp that does not fit the settings.
+
+        `array`: the places of the receivers, or a `VirtualArray` with several transmitters.
+        """
+        array = as_array(array)
+        of_one = chirp.of_one_transmitter(array.turns)
+        problem = processing.problem_with(array.seen(chirp))
         if problem:
             raise ValueError(problem)
         self.chirp = chirp
         self.processing = processing
-        self.maps = RangeDoppler(chirp, len(rx_positions_m), processing)
-        self._points = PointFinder(chirp, rx_positions_m, processing, self.maps)
-        self._tracker = Tracker(chirp, processing)
+        self.maps = RangeDoppler(chirp, array, processing)
+        self._points = PointFinder(of_one, array, processing, self.maps)
+        self._tracker = Tracker(array.seen(chirp), processing)
         self._frames = 0
         self._last_ns = 0
 
     def process(self, raw: NDArray[np.uint16], t_ns: int, *, until: Step = "tracks") -> Processed:
-        """Process a frame (receivers, chirps, samples) with middle `t_ns`. Results after step `until` are empty."""
+        """Process a frame (channels, chirps, samples) with middle `t_ns`. Results after step `until` are empty."""
         gain = self._background_gain(t_ns)
         power = self.maps.compute(raw, gain)
         points = np.empty(0, POINT_DTYPE) if until == "range_doppler" else self._points.find(power)
@@ -71,20 +77,21 @@ class Processor:
 def process_recording(
     adc: NDArray[np.uint16],
     chirp: Chirp,
-    rx_positions_m: Sequence[Sequence[float]],
+    array: VirtualArray | Sequence[Sequence[float]],
     processing: Processing | None = None,
     *,
     period_ns: int,
 ) -> Iterator[Processed]:
-    """Process a recording (frames, receivers, chirps, samples) with a frame every `period_ns`."""
-    expected = (len(rx_positions_m), chirp.chirps, chirp.samples)
+    """Process a recording (frames, channels, chirps, samples) with a frame every `period_ns`."""
+    array = as_array(array)
+    expected = (len(array.rx_positions_m) * chirp.parts, chirp.chirps, chirp.samples)
     if adc.ndim != 4 or adc.shape[1:] != expected:
         raise ConfigError(
             [
                 Problem(
                     "recording",
                     f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {expected} "
-                    "(receivers, chirps, samples)",
+                    "(channels, chirps, samples)",
                     "process it with the settings of the recording",
                 )
             ]
@@ -95,7 +102,7 @@ def process_recording(
         )
     if period_ns <= 0:
         raise ConfigError([Problem("recording", f"period_ns {period_ns} is not positive")])
-    return _frames(adc, Processor(chirp, rx_positions_m, processing or Processing()), period_ns)
+    return _frames(adc, Processor(chirp, array, processing or Processing()), period_ns)
 
 
 def _frames(adc: NDArray[np.uint16], processor: Processor, period_ns: int) -> Iterator[Processed]:

@@ -4,9 +4,10 @@ The error is ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samp
 ADC. x_direct is the method `direct`; its own row holds its error against radar_reference.py over some
 of the echoes. Times are the best of several runs.
 
-Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and both presets.
-Further cases: pictures of city_park, where negligible echoes are dropped; point targets through the processing chain; a
-person who walks away and back; another vehicle; and a real recording, if one is given.
+Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and all presets;
+radar_arrays.py has those with several transmitters. Further cases: pictures of city_park, where negligible echoes are
+dropped; point targets through the processing chain; a person who walks away and back; another vehicle; and a real
+recording, if one is given.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
+from hil.apps.bench_suite.sensors.radar_arrays import PRESETS, array_target_checks, city_park_arrays
 from hil.apps.bench_suite.sensors.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.apps.bench_suite.sensors.radar_checks import (
     characteristic_checks,
@@ -35,6 +37,7 @@ from sim.sensors.radar_parameters import RadarParameters
 Float64 = NDArray[np.float64]
 UNIT = "relative, to the exact sum"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+_REFERENCE_SAMPLES = 3 * 64 * 64  # of a frame, for 60 echoes; fewer echoes for larger frames
 _COUNTS = (5_000, 20_000, PIXELS, 300_000)
 _SPEEDS_MPS = (0.0, 3.0, 10.0, 30.0)
 _RANGES_M = (1.0, 10.0, 50.0, 200.0)
@@ -47,9 +50,11 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
         _synthesis(result, quick=quick, status=status)
         status("city_park")
         _city_park(result, views=4 if quick else 12)
+        city_park_arrays(result, quick=quick, status=status)
     status("point targets")
     result.checks += characteristic_checks()
     result.checks += target_checks(quick=quick)
+    result.checks += array_target_checks(quick=quick)
     status("a person who walks away and back")
     result.checks += person_checks(result, quick=quick)
     status("another vehicle")
@@ -87,6 +92,10 @@ def _synthesis(result: BenchmarkResult, *, quick: bool, status: ShowStatus) -> N
         cases += [_Case(f"{n:,} echoes", parameters, random_echoes(n)) for n in _COUNTS]
         cases += [_Case(f"speeds to {v:g} m/s", parameters, _moving(v, PIXELS)) for v in _SPEEDS_MPS]
         cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, PIXELS)) for r in _RANGES_M]
+    for name in PRESETS:
+        p = radar_parameters(name)
+        ranges_m = (1.0, 0.9 * p.chirp.max_range_m)
+        cases.append(_Case(f"{name}, 5,000 echoes", p, random_echoes(5_000, range_m=ranges_m, speed_mps=(-10.0, 10.0))))
     for case in cases:
         status(case.name)
         measured = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5)
@@ -113,8 +122,7 @@ class _Case:
         self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int
     ) -> dict[float, tuple[float, float]]:
         """Add a row for the exact sum and one per tolerance; return time [s] and error by tolerance."""
-        c = self._p.chirp
-        shape = (len(self._p.antenna.rx_positions_m), c.chirps, c.samples)
+        shape = self._p.raw_shape
         exact, out = np.empty(shape), np.empty(shape)
         direct = synthesizer(self._p, "direct", 1e-3)
         run = partial(direct.synthesize, self._echoes, exact)
@@ -137,14 +145,15 @@ class _Case:
 
 def _direct_error(p: RadarParameters, echoes: Echoes) -> float:
     """Return the relative error of `direct` over some echoes; the reference is too slow for all of them."""
-    step = max(1, len(echoes.range_m) // 60)
+    some = max(4, 60 * _REFERENCE_SAMPLES // int(np.prod(p.raw_shape)))
+    step = max(1, len(echoes.range_m) // some)
     arrays = (echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude)
     subset = Echoes(*(np.ascontiguousarray(array[::step]) for array in arrays))
     cutoffs: Mapping[str, float | None] = {
         "hp_cutoff_hz": p.receiver.hp_cutoff_hz,
         "aaf_cutoff_hz": p.receiver.aaf_cutoff_hz,
     }
-    exact = reference(p.chirp, p.antenna.rx_positions_m, subset, **cutoffs)
+    exact = reference(p.chirp, p.antenna.array, subset, **cutoffs)
     out = np.empty(exact.shape)
     synthesizer(p, "direct", p.tolerance).synthesize(subset, out)
     return _error(out, exact.astype(np.float64))
@@ -155,7 +164,7 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
     parameters, tolerance = radar_parameters(), 1e-3
     case = scene_case("city_park", views=views, seed=1)
     radar = radar_view(case.world, parameters)
-    shape = (len(parameters.antenna.rx_positions_m), parameters.chirp.chirps, parameters.chirp.samples)
+    shape = parameters.raw_shape
     exact, out = np.empty(shape), np.empty(shape)
     transform, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
     times_s = [np.inf] * len(case.views)

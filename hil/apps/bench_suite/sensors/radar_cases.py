@@ -42,7 +42,7 @@ def synthesizer(p: RadarParameters, method: str, tolerance: float) -> Synthesize
     """Return a synthesizer with the filters of the sensor, for `method` "nufft" or "direct"."""
     return Synthesizer(
         p.chirp,
-        p.antenna.rx_positions_m,
+        p.antenna.array,
         hp_cutoff_hz=p.receiver.hp_cutoff_hz,
         aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
         method=method,

@@ -84,7 +84,7 @@ def target_checks(*, quick: bool) -> list[Check]:
     rng = np.random.Generator(np.random.Philox(5))
     worst = {"range": 0.0, "speed": 0.0, "azimuth": 0.0, "elevation": 0.0}
     missed = 0
-    processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+    processor = Processor(p.chirp, p.antenna.array, p.processing)
     farthest_m = p.chirp.max_range_m - 1.75 * p.chirp.range_resolution_m  # no peak in the last bin: see PeakFinder
     for _ in range(40 if quick else 400):
         processor.reset()
@@ -142,8 +142,8 @@ def _digitised(p: RadarParameters, targets: list[tuple[float, float, float, floa
 
 
 def _exact(p: RadarParameters, echoes: Echoes) -> Float64:
-    out = np.empty((len(p.antenna.rx_positions_m), p.chirp.chirps, p.chirp.samples))
-    Synthesizer(p.chirp, p.antenna.rx_positions_m, hp_cutoff_hz=None, aaf_cutoff_hz=None, method="direct").synthesize(
+    out = np.empty(p.raw_shape)
+    Synthesizer(p.chirp, p.antenna.array, hp_cutoff_hz=None, aaf_cutoff_hz=None, method="direct").synthesize(
         echoes, out
     )
     return out
@@ -295,11 +295,9 @@ def _follow(
 ) -> tuple[float, list[float], list[float], float]:
     """Return the share of frames with a detection, range [m] and speed [m/s] errors, and seconds per frame."""
     transform = synthesizer(p, "nufft", p.tolerance)
-    n_rx = len(p.antenna.rx_positions_m)
-    chain = RadarReceiverChain(p.chirp, p.impairments, n_rx, seed=seed, name="radar")
-    processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
-    shape = (n_rx, p.chirp.chirps, p.chirp.samples)
-    signal, raw = np.empty(shape), np.empty(shape, np.uint16)
+    chain = RadarReceiverChain(p.chirp, p.impairments, p.raw_shape[0], seed=seed, name="radar")
+    processor = Processor(p.chirp, p.antenna.array, p.processing)
+    signal, raw = np.empty(p.raw_shape), np.empty(p.raw_shape, np.uint16)
     pose = camera_pose(np.array([0.0, 0.0, _HEIGHT_M]), looking(0.0, 0.0))
     counted, tracked, began = 0, 0, time.perf_counter()
     range_error: list[float] = []

@@ -1,6 +1,7 @@
 """Radar frames as numpy files.
 
-raw             uint16 (receivers, chirps, samples): ADC counts
+raw             uint16 (channels, chirps, samples): ADC counts; a channel is a receiver, or half of one with complex
+                samples, whose in-phase part comes first
 range_doppler   float32 (chirps, samples / 2): power in ADC counts squared; rows by speed, zero in the middle
 radar.json      the chirp with the keys of `sim.radar.recording`, and the quantities derived from it
 """
@@ -9,7 +10,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from signals.errors import RecordingError
 from sim.radar.chirp import Chirp
 from sim.radar.recording import device_config
+from sim.radar.virtual_array import VirtualArray
 
 CONFIG_NAME = "radar.json"
 
@@ -31,9 +32,10 @@ def npy(array: NDArray[Any]) -> bytes:
     return file.getvalue()
 
 
-def radar_json(chirp: Chirp, rx_antennas: Sequence[int], *, rate_hz: float) -> str:
-    """Return radar.json, which `hil radar` reads back. `rx_antennas` are the receivers' numbers, from 1."""
-    config = {
+def radar_json(chirp: Chirp, array: VirtualArray, *, rate_hz: float) -> str:
+    """Return radar.json, which `hil radar` reads back."""
+    rx_antennas, seen = range(1, len(array.rx_positions_m) + 1), array.seen(chirp)
+    config: dict[str, Any] = {
         **device_config(chirp, rx_antennas, frame_repetition_s=1.0 / rate_hz),
         "raw": {"dtype": "uint16", "axes": ["receiver", "chirp", "sample"], "unit": "ADC count"},
         "range_doppler": {
@@ -41,11 +43,15 @@ def radar_json(chirp: Chirp, rx_antennas: Sequence[int], *, rate_hz: float) -> s
             "axes": ["speed", "range"],
             "unit": "ADC count squared",
             "range_step_m": chirp.range_resolution_m,
-            "speed_step_mps": chirp.speed_resolution_mps,
-            "zero_speed_row": chirp.chirps // 2,
+            "speed_step_mps": seen.speed_resolution_mps,
+            "zero_speed_row": seen.chirps // 2,
         },
         "max_range_m": chirp.max_range_m,
-        "max_speed_mps": chirp.max_speed_mps,
+        "max_speed_mps": seen.max_speed_mps,
         "wavelength_m": chirp.wavelength_m,
     }
+    if chirp.sampling == "complex" or array.transmitters > 1:
+        config["sampling"] = chirp.sampling
+        config["tx_positions_m"], config["rx_positions_m"] = array.tx_positions_m, array.rx_positions_m
+        config["doppler_bands"] = array.doppler_bands
     return json.dumps(config, indent=2) + "\n"

@@ -137,8 +137,7 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
             rate_hz=sensor.rate_hz,
             more=more,
         )
-        antennas = range(1, len(p.antenna.rx_positions_m) + 1)
-        files[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, antennas, rate_hz=sensor.rate_hz)
+        files[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, p.antenna.array, rate_hz=sensor.rate_hz)
     return files
 
 

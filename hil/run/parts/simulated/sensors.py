@@ -114,7 +114,7 @@ class SensorsPart(Part):
         from hil.run.report.pictures import frames_pictures
 
         classes = Classes() if self._frames is None else self._frames.classes
-        chirps = {name: radar.chirp for name, radar in self._radars().items()}
+        chirps = {name: radar.seen for name, radar in self._radars().items()}
         return Report(frames_pictures(run.out, frames, classes, chirps))
 
     def _radars(self) -> Mapping[str, Radar]:

@@ -101,6 +101,8 @@ def test_one_key_can_be_set_on_the_command_line() -> None:
 
 
 PRESET = "preset: bgt60tr13c"
+AWR = "preset: awr1843boost, rate_hz: 10"
+WIDE_ROW = "rx_positions_m: [[0, 0, 0], [0, 0.0024, 0], [0, 0.0048, 0], [0, 0.0072, 0]], tx_positions_m: [[0, 0, 0]]"
 FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps every 0.000390975 s)"
 
 
@@ -127,6 +129,17 @@ FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps ev
         (f"{{{PRESET}, rate_hz: 10, processing: {{cfar: {{guard_doppler: 40}}}}}}", "more than the 64 Doppler rows"),
         (f"{{{PRESET}, rate_hz: 10, chirp: {{chirps: 3}}, processing: {{clutter: mti3}}}}", "fewer than two of 3"),
         (f"{{{PRESET}, rate_hz: 10, autopilot: true}}", "no flight controller takes a radar"),
+        (f"{{{AWR}, chirp: {{chirps: 128}}}}", "must be a multiple of the 3 transmitters that take turns, 6 at least"),
+        (f"{{{AWR}, chirp: {{center_frequency_hz: 80.8e+9}}}}", "the board's band is 76 to 81 GHz"),
+        (f"{{{AWR}, chirp: {{bandwidth_hz: 4.2e+9}}}}", "a slope of 102.5 MHz/us; the board's limit is 100 MHz/us"),
+        (f"{{{AWR}, chirp: {{sample_rate_hz: 13.0e+6}}}}", "13 million complex samples a second; the board's limit is"),
+        (f"{{{AWR}, chirp: {{repetition_s: 49.0e-6}}}}", "leave 1.04 us between ramps of 47.96 us; the board needs 2"),
+        (f"{{{AWR}, antenna: {{{WIDE_ROW}}}}}", "is ambiguous within the stated field of +-60 degrees"),
+        (f"{{{AWR}, antenna: {{mimo: ddm, doppler_bands: 2}}}}", "doppler_bands 2 are fewer than 3 transmitters"),
+        (f"{{{AWR}, antenna: {{doppler_bands: 4}}}}", "doppler_bands is for mimo: ddm, not tdm"),
+        (f"{{{AWR}, antenna: {{tx_positions_m: [[0, 2, 0]]}}}}", "holds a transmitter more than 1 m away"),
+        ("{preset: awr1843boost, rate_hz: 100}", "leaves 0.01 s for a frame that takes 0.011136 s"),
+        ("{preset: awr2243boost, rate_hz: 70}", "880.8 Mbit/s of samples; the board's limit is 706 Mbit/s"),
         ("{preset: bgt60tr13, rate_hz: 10}", "did you mean 'bgt60tr13c'?"),
         ("{preset: ./mine.yaml, rate_hz: 10}", "names a file that does not exist: ./mine.yaml"),
     ],

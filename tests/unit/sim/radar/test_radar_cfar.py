@@ -13,7 +13,10 @@ from sim.radar.chirp import Chirp
 from sim.radar.processing.cfar import Cfar, cell_averaging_factor, order_statistic_factor
 from sim.radar.processing.parameters import CfarParameters, Processing
 from sim.radar.processing.range_doppler import RangeDoppler
+from sim.radar.virtual_array import as_array
 from tests.worlds.radar_point_targets import CHIRP, counts
+
+ARRAY = as_array([(0.0, 0.0, 0.0)] * 3)
 
 
 @pytest.mark.parametrize("n", [4, 16, 144])
@@ -63,7 +66,7 @@ def test_noise_makes_the_false_alarms_that_were_asked_for(kind: str, changes: di
             "cfar": {"kind": kind, "false_alarm": false_alarm} | changes,
         }
     )
-    maps = RangeDoppler(CHIRP, 3, p)
+    maps = RangeDoppler(CHIRP, ARRAY, p)
     cfar = Cfar(maps, 3, p)
     alarms, power_sum, noise_sum = 0, 0.0, 0.0
     for frame in range(frames):
@@ -82,7 +85,7 @@ def test_noise_makes_the_false_alarms_that_were_asked_for(kind: str, changes: di
 
 def test_edges_have_fewer_cells_and_doppler_has_none() -> None:
     p = Processing.model_validate({"clutter": "none", "cfar": {"kind": "ca"}})
-    cfar = Cfar(RangeDoppler(CHIRP, 3, p), 3, p)
+    cfar = Cfar(RangeDoppler(CHIRP, ARRAY, p), 3, p)
     power = np.ones((64, 32), np.float32)
     mask, noise = cfar.detect(power)
     assert noise == pytest.approx(1.0)
@@ -97,7 +100,7 @@ def test_edges_have_fewer_cells_and_doppler_has_none() -> None:
 
 def test_quiet_rows_train_nothing() -> None:
     p = Processing.model_validate({"clutter": "mean", "cfar": {"kind": "ca", "guard_doppler": 0, "train_doppler": 2}})
-    maps = RangeDoppler(CHIRP, 3, p)
+    maps = RangeDoppler(CHIRP, ARRAY, p)
     power = np.ones((64, 32), np.float32)
     power[32] = 0.0  # as if mean removal had taken all
     for kind in ("ca", "os"):
@@ -113,7 +116,7 @@ def test_an_order_statistic_is_not_masked_by_a_second_target() -> None:
     for kind in ("ca", "os"):
         one_dimension = {"kind": kind, "train_doppler": 0, "guard_doppler": 0}
         p = Processing.model_validate({"clutter": "none", "cfar": one_dimension})
-        mask, _ = Cfar(RangeDoppler(CHIRP, 3, p), 3, p).detect(power)
+        mask, _ = Cfar(RangeDoppler(CHIRP, ARRAY, p), 3, p).detect(power)
         found[kind] = int(mask.sum())
     assert found["os"] == 2
     assert found["ca"] < 2
@@ -124,7 +127,7 @@ def test_refusals() -> None:
         CfarParameters(train_doppler=0, train_range=0)
     few = Chirp.model_validate(CHIRP.model_dump() | {"chirps": 8})
     with pytest.raises(ValueError, match="more than the 8 Doppler rows"):
-        Cfar(RangeDoppler(few, 3, Processing()), 3, Processing())
-    maps = RangeDoppler(CHIRP, 3, Processing())
+        Cfar(RangeDoppler(few, ARRAY, Processing()), 3, Processing())
+    maps = RangeDoppler(CHIRP, ARRAY, Processing())
     with pytest.raises(ValueError, match="the map is 32 x 32, not 64 x 32"):
         Cfar(maps, 3, Processing()).detect(np.ones((32, 32), np.float32))

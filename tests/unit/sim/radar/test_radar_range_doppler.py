@@ -12,9 +12,11 @@ from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Clutter, Processing, WindowName
 from sim.radar.processing.range_doppler import RangeDoppler
 from sim.radar.processing.windows import ratio_table, response, side_lobes, window
+from sim.radar.virtual_array import as_array
 from tests.worlds.radar_point_targets import CHIRP, counts, signal_of
 
 WINDOWS: tuple[WindowName, ...] = ("none", "hann", "hamming", "blackman", "taylor")
+ARRAY = as_array([(0.0, 0.0, 0.0)] * 3)
 RAW = np.random.default_rng(3).integers(0, 4096, (3, 64, 64)).astype(np.uint16)
 
 
@@ -40,7 +42,7 @@ def reference(raw: NDArray[np.uint16], maps: RangeDoppler, p: Processing) -> NDA
 @pytest.mark.parametrize("clutter", ["none", "mean", "mti2", "mti3"])
 def test_the_map_is_that_of_numpy(name: WindowName, clutter: Clutter) -> None:
     p = Processing(range_window=name, doppler_window=name, clutter=clutter)
-    maps = RangeDoppler(CHIRP, 3, p)
+    maps = RangeDoppler(CHIRP, ARRAY, p)
     power = maps.compute(RAW)
     assert power.shape == (64, 32)
     expected = reference(RAW, maps, p)
@@ -54,7 +56,7 @@ def test_any_number_of_chirps_and_samples(samples: int, chirps: int, receivers: 
     p = Processing.model_validate(
         {"range_padding": padding, "doppler_padding": padding, "clutter": "none", "remove_chirp_mean": False}
     )
-    maps = RangeDoppler(chirp, receivers, p)
+    maps = RangeDoppler(chirp, as_array([(0.0, 0.0, 0.0)] * receivers), p)
     raw = np.random.default_rng(samples).integers(0, 65536, (receivers, chirps, samples)).astype(np.uint16)
     power = maps.compute(raw)
     assert power.shape == (
@@ -70,7 +72,7 @@ def test_any_number_of_chirps_and_samples(samples: int, chirps: int, receivers: 
 
 @pytest.mark.parametrize("name", WINDOWS)
 def test_peak_power_is_the_square_of_the_amplitude(name: WindowName) -> None:
-    maps = RangeDoppler(CHIRP, 3, Processing(range_window=name, doppler_window=name, clutter="none"))
+    maps = RangeDoppler(CHIRP, ARRAY, Processing(range_window=name, doppler_window=name, clutter="none"))
     row, column = 41, 12
     speed = (row - 32) * maps.speed_step_mps
     # A moving echo at range r appears at r + v f_c / S.
@@ -109,11 +111,11 @@ def test_lobes_of_the_windows_are_those_of_the_books() -> None:
 def test_clutter_removal_takes_what_stands_still_and_leaves_what_moves() -> None:
     still, moving = (5.0, 0.0, 0.0, 0.0, 500.0), (5.0, 1.0, 0.0, 0.0, 20.0)
     raw = counts(signal_of([still, moving]))
-    plain = RangeDoppler(CHIRP, 3, Processing(clutter="none")).compute(raw)
+    plain = RangeDoppler(CHIRP, ARRAY, Processing(clutter="none")).compute(raw)
     row = 32 + round(1.0 / CHIRP.speed_resolution_mps)
     assert plain.max() > 0.4 * 500.0**2
     for clutter in ("mean", "mti2", "mti3"):
-        maps = RangeDoppler(CHIRP, 3, Processing.model_validate({"clutter": clutter}))
+        maps = RangeDoppler(CHIRP, ARRAY, Processing.model_validate({"clutter": clutter}))
         power = maps.compute(raw)
         assert abs(int(power.max(axis=1).argmax()) - row) <= 1
         # The differences' own response: 2 sin(pi f T_c) once or twice, over the root of 2 or 6.
@@ -124,7 +126,7 @@ def test_clutter_removal_takes_what_stands_still_and_leaves_what_moves() -> None
 
 def test_a_learned_background_absorbs_a_standing_person_at_the_gain() -> None:
     leakage, person = (0.4, 0.0, 0.0, 0.0, 500.0), (4.0, 0.0, 0.0, 0.0, 30.0)
-    maps = RangeDoppler(CHIRP, 3, Processing(clutter="background"))
+    maps = RangeDoppler(CHIRP, ARRAY, Processing(clutter="background"))
     empty, with_person = counts(signal_of([leakage])), counts(signal_of([leakage, person]))
     assert maps.compute(empty).max() < 1e-20  # the first frame is the background
     maps.compute(empty, background_gain=0.05)
@@ -139,7 +141,7 @@ def test_a_learned_background_absorbs_a_standing_person_at_the_gain() -> None:
 
 
 def test_refusals() -> None:
-    maps = RangeDoppler(CHIRP, 3, Processing())
+    maps = RangeDoppler(CHIRP, ARRAY, Processing())
     with pytest.raises(ValueError, match="do not have the shape"):
         maps.compute(RAW[:2])
     with pytest.raises(TypeError):

@@ -108,15 +108,18 @@ def truth(k: int = 0, **values: Any) -> TruthState:
 def test_a_sample_holds_the_outputs_in_their_form(preset: str) -> None:
     sensor = radar(preset=preset, latency_s=0.01)
     sample = sensor.sample(truth(25), 3)
-    chirp, receivers = sensor.chirp, 3
+    parameters = PRESETS[preset].parameters
+    assert isinstance(parameters, RadarParameters)
+    chirp = sensor.chirp
     assert isinstance(sample, RadarSample)
     assert sample.seq == 3
     assert sample.t_capture_ns == 25 * TICK_NS
     assert sample.t_available_ns == sample.t_capture_ns + round((0.5 * chirp.frame_s + 0.01) * 1e9)
     assert set(sample.channels) == set(RADAR_UNITS)
     raw, power = sample.channels["raw"], sample.channels["range_doppler"]
-    assert (raw.dtype, raw.shape) == (np.uint16, (receivers, chirp.chirps, chirp.samples))
-    assert (power.dtype, power.shape) == (np.float32, (chirp.chirps, chirp.samples // 2))
+    assert (raw.dtype, raw.shape) == (np.uint16, parameters.raw_shape)
+    assert raw.shape[1:] == (chirp.chirps, chirp.samples)
+    assert (power.dtype, power.shape) == (np.float32, parameters.map_shape)
     assert np.all(np.isfinite(power))
     assert {"x_R", "range_m", "speed_mps", "snr_db"} <= set(sample.channels["points"].dtype.names or ())
     assert not any(array.flags.writeable for _, array in arrays_of(sample))

@@ -45,6 +45,7 @@ from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.object_echoes import ObjectEcho
 from sim.radar.recording import load_recording
+from sim.radar.virtual_array import as_array
 
 CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
 MAP_CHIRP = Chirp(
@@ -199,7 +200,7 @@ def test_radar_reads_back_and_its_settings_open_as_a_recording(tmp_path: Path) -
     assert np.array_equal(np.load(io.BytesIO(npy(adc))), adc)
     assert np.array_equal(np.load(io.BytesIO(npy(power))), power)
     assert npy(adc) == npy(adc.copy(order="F"))
-    text = radar_json(CHIRP, (1, 2, 3), rate_hz=10.0)
+    text = radar_json(CHIRP, as_array(((0.0, 0.0, 0.0),) * 3), rate_hz=10.0)
     assert json.loads(text)["range_doppler"]["zero_speed_row"] == 2
     (tmp_path / "raw.json").write_text(text)
     np.save(tmp_path / "raw.npy", adc[None])

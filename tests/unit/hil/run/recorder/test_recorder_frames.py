@@ -10,10 +10,13 @@ import pytest
 
 from hil.run.recorder.digest import Digest
 from hil.run.recorder.frame_description import FrameDescription, Projection
+from hil.run.recorder.frame_series import cloud_fields
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.recorder import MCAP_NAME, Album, Recorder
 from hil.run.replay import compare
 from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample
+from sim.radar.processing.points import POINT_DTYPE
+from sim.radar.processing.tracker import TRACK_DTYPE
 from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, decoded, image, make_flight
 
 ENCODINGS = {
@@ -110,6 +113,15 @@ def test_point_clouds_of_any_size_are_standard_messages_and_bit_exact(tmp_path: 
         assert points["time"] == pytest.approx(points["t"] * 1e-9, rel=1e-6)
         assert np.array_equal(points["ring"], sample.ring)
         assert np.array_equal(points["label"], sample.segmentation)
+
+
+def test_points_of_a_radar_have_the_names_of_ros_drivers_too() -> None:
+    fields = {field.name: field for field in cloud_fields(POINT_DTYPE)}
+    assert list(fields)[:3] == ["x", "y", "z"]
+    for common, own in (("doppler", "speed_mps"), ("intensity", "snr_db")):
+        assert fields[common].offset == fields[own].offset
+        assert fields[common].datatype == 7  # float32
+    assert "doppler" not in {field.name for field in cloud_fields(TRACK_DTYPE)}
 
 
 def test_a_killed_run_leaves_its_pictures_up_to_the_last_flush(tmp_path: Path) -> None:
