@@ -62,6 +62,12 @@ class ContactSphere(StrictModel):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     position_m: Point
     radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
+    # Coefficient of friction on any ground; null, or less than the scene's ground_friction: the scene's.
+    friction: Annotated[float, Field(gt=0.0, le=5.0)] | None = None
+
+    def friction_on(self, ground: float) -> float:
+        """Return the coefficient of friction on a ground of this coefficient."""
+        return ground if self.friction is None else max(ground, self.friction)
 
 
 if TYPE_CHECKING:
