@@ -27,6 +27,7 @@ from firmware_bridge.autopilots.px4.rotor_parameters import (
     mock_parameters,
     yaw_rate_gains,
 )
+from firmware_bridge.autopilots.px4.tail_parameters import frame_parameters, turning_parameters, wind_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import (
     calibration,
     full_torques_nm,
@@ -36,10 +37,11 @@ from firmware_bridge.autopilots.px4.wing_parameters import (
 )
 from signals.units import STANDARD_GRAVITY_MPS2
 
-# MAV_TYPE_VTOL_FIXEDROTOR and _TILTROTOR
+# MAV_TYPE_VTOL_FIXEDROTOR, _TILTROTOR and _TAILSITTER
 _KINDS = {
     "standard": {"CA_AIRFRAME": 2, "MAV_TYPE": 22, "VT_TYPE": 2},
     "tiltrotor": {"CA_AIRFRAME": 3, "MAV_TYPE": 21, "VT_TYPE": 1},
+    "tailsitter": {"CA_AIRFRAME": 4, "MAV_TYPE": 23, "VT_TYPE": 0},
 }
 MOST_TILTS = 4  # CA_SV_TL_COUNT
 _PITCH_BANDWIDTH = 15.0  # of a tiltrotor's elevators [1/s]
@@ -73,6 +75,8 @@ def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
     """
     values = vtol_parameters(vehicle) | px4_parameters(vehicle.wing) | _PX4_TRANSITION | tilt_parameters(vehicle)
     del values["SYS_AUTOSTART"]
+    if vehicle.kind == "tailsitter":
+        values |= frame_parameters(values) | wind_parameters(values)
     curve = values["THR_MDL_FAC"]
     values["FW_THR_TRIM"] *= curve * values["FW_THR_TRIM"] + 1.0 - curve
     for name in ("VT_ARSP_TRANS", "VT_ARSP_BLEND"):
@@ -81,11 +85,13 @@ def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def transition_parameters(vehicle: Vtol) -> dict[str, float]:
-    """Return VT_ARSP_* and the times within which pushers or tilts must reach them."""
+    """Return VT_ARSP_* and the times within which pushers, tilts or a lowered nose must reach them."""
     wing = vehicle.wing
     trans_mps = min(_TRANSITION * wing.stall_mps, wing.cruise_mps)
     blend_mps = min(_BLEND * wing.stall_mps, 0.9 * trans_mps)
     airspeeds = {"VT_ARSP_TRANS": trans_mps, "VT_ARSP_BLEND": blend_mps}
+    if vehicle.kind == "tailsitter":
+        return airspeeds | turning_parameters(trans_mps, wing.cruise_mps)
     if vehicle.tilts:
         return airspeeds | {
             "VT_F_TRANS_DUR": _TILTING_S,
