@@ -62,6 +62,11 @@ def cos_tilt_of(q_WB: Quat) -> float:
     return 1.0 - 2.0 * (q_WB[1] * q_WB[1] + q_WB[2] * q_WB[2])
 
 
+def cos_nose_up_of(q_WB: Quat) -> float:
+    """Return the sine of the nose's elevation: the z component in W of the x axis of B."""
+    return 2.0 * (q_WB[1] * q_WB[3] - q_WB[0] * q_WB[2])
+
+
 def yaw_of(q: Quat) -> float:
     """Return the heading of the x axis, from the first axis towards the second [rad]."""
     w, x, y, z = q

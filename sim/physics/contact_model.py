@@ -38,6 +38,7 @@ from sim.world_loader import load_world
 # Collision bits; geoms collide if the type of one meets the affinity of the other. A body never collides with itself.
 _SCENE_BIT, _VEHICLE_BIT, _OTHER_VEHICLE_BIT = 1, 2, 4
 ROTOR_HALF_THICKNESS_M = 0.005
+_SPIN_AND_ROLL = 0.005, 0.0001  # friction against spin and roll, which condim 3 leaves out
 _CONTACT_STEPS = 3.0  # time constant of a contact, in steps
 
 
@@ -70,7 +71,7 @@ def mjcf_text(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> str:
         solref=_numbers((_CONTACT_STEPS * contact_step_s, 1.0)),
         solimp="0.9 0.99 0.001 0.5 2",
         condim="3",
-        friction=_numbers((scene.ground_friction, 0.005, 0.0001)),
+        friction=_numbers((scene.ground_friction, *_SPIN_AND_ROLL)),
     )
     world = ET.SubElement(root, "worldbody")
     scene_bits = {"contype": str(_SCENE_BIT), "conaffinity": str(_VEHICLE_BIT)}
@@ -102,9 +103,11 @@ def _add_vehicle(worldbody: ET.Element, vehicle: Vehicle, name: str, *, others: 
         inertia = {"fullinertia": _numbers((*vehicle.inertia_kgm2, *products))}
     ET.SubElement(body, "inertial", {"pos": "0 0 0", "mass": repr(vehicle.mass_kg)} | inertia)
     for sphere in vehicle.contact_spheres:
+        grips = {} if sphere.friction is None else {"friction": _numbers((sphere.friction, *_SPIN_AND_ROLL))}
         ET.SubElement(
             body,
             "geom",
+            grips,
             name=f"{name}_{sphere.name}",
             type="sphere",
             pos=_numbers(sphere.position_m),

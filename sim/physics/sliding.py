@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from signals.rotation import applied, cross, matrix_of, norm
 from signals.samples import Vec3
 from sim.physics.vehicle import Vehicle
+from sim.scene.world import VEHICLE
 
 SLIDING_MPS = 0.5
 _NO_FRICTION = 1e-5  # MuJoCo's least
@@ -36,13 +37,18 @@ class SlidingContact:
     """Contact of one vehicle, alone in its model, with the ground that it slides over."""
 
     def __init__(self, vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData, *, friction: float) -> None:
-        self._model, self._data, self._friction = model, data, friction
+        self._model, self._data = model, data
+        # Of each geom. MuJoCo takes the greater one of two, and so does `_rub`.
+        self._friction = np.full(model.ngeom, friction)
+        for sphere in vehicle.contact_spheres:
+            self._friction[model.geom(f"{VEHICLE}_{sphere.name}").id] = sphere.friction_on(friction)
+        self._of_geom: list[float] = self._friction.tolist()
         self._mass_kg = vehicle.mass_kg
         inverse = np.linalg.inv(vehicle.inertia_tensor_kgm2)
         self._inverse: list[list[float]] = inverse.tolist()
         self._most_turn = float(np.trace(inverse))  # at least the greatest of 1 / I
         self._sliding = False
-        model.geom_friction[:, 0] = friction
+        model.geom_friction[:, 0] = self._friction
 
     def forward(self, state: NDArray[np.float64], radius_m: float, step_s: float) -> None:
         """Compute the accelerations of a sub-step at `state`, with friction as the motion asks."""
@@ -80,7 +86,8 @@ class SlidingContact:
                 continue
             r2 = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             most_n = speed / (step_s * (1.0 / self._mass_kg + r2 * self._most_turn))
-            scale = -min(self._friction * normal_n, most_n) / speed
+            friction = max(self._of_geom[contact.geom1], self._of_geom[contact.geom2])
+            scale = -min(friction * normal_n, most_n) / speed
             f = (scale * across[0], scale * across[1], scale * across[2])
             about = cross(r, f)
             for j in range(3):

@@ -18,6 +18,7 @@ from pydantic import Field
 
 from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel, load_model
+from signals.rotation import cos_nose_up_of, cos_tilt_of
 from signals.samples import Quat, Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
@@ -61,6 +62,12 @@ class ContactSphere(StrictModel):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     position_m: Point
     radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
+    # Coefficient of friction on any ground; null, or less than the scene's ground_friction: the scene's.
+    friction: Annotated[float, Field(gt=0.0, le=5.0)] | None = None
+
+    def friction_on(self, ground: float) -> float:
+        """Return the coefficient of friction on a ground of this coefficient."""
+        return ground if self.friction is None else max(ground, self.friction)
 
 
 if TYPE_CHECKING:
@@ -326,6 +333,10 @@ class Vehicle(StrictModel):
     def upward(self, v_B: Vec3) -> float:
         """Return the part of a vector along `up_axis`."""
         return v_B[0] if self.stands == "on_tail" else v_B[2]
+
+    def cos_tilt(self, q_WB: Quat) -> float:
+        """Return the cosine of the angle between `up_axis` and the vertical."""
+        return cos_nose_up_of(q_WB) if self.stands == "on_tail" else cos_tilt_of(q_WB)
 
     def standing_quat(self, yaw_rad: float) -> Quat:
         """Return q_WB where it stands with a heading; a tailsitter's is that with its nose lowered to the horizon."""

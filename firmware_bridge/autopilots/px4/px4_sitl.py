@@ -140,5 +140,5 @@ PROFILE = Profile(
     start_command=start_command,
     flies_planes=True,
     flies_vtols=True,
-    vtol_kinds=frozenset({"standard", "tiltrotor"}),
+    vtol_kinds=frozenset({"standard", "tiltrotor", "tailsitter"}),
 )

@@ -7,7 +7,9 @@ Transition: the wings can carry the vehicle alone from VT_ARSP_TRANS on, 1.3 tim
 the lifters give way from VT_ARSP_BLEND on, the stall. A back-transition ends at MPC_XY_CRUISE over ground.
 
 Tilts: PX4 has one command VT_TILT_* for all, 0 at the servos' minimum and 1 at their maximum. In the transition they
-wait for the airspeed halfway: PX4's allocation follows the axes to there (ActuatorEffectivenessTiltrotorVTOL).
+wait for the airspeed at 0.6 of their way, as in PX4's airframes; its allocation follows the axes to halfway
+(ActuatorEffectivenessTiltrotorVTOL). Halfway, the wings took over so much of the weight that the rotors slowed down,
+and the airspeed was not reached.
 
 Tilts on both sides steer the yaw in hover (CA_SV_TLn_CT 1), and PX4's rotors then do not: the yaw that a rotor with
 the thrust T at y, tilted ahead by t, gives, T (|y| sin t -+ k cos t), passes those of the other rotors on the way, and
@@ -18,15 +20,17 @@ there roll and yaw have one and the same command. From upright a tilt turns ahea
 
 from __future__ import annotations
 
-from math import degrees, sin
+from math import degrees, sin, sqrt
 
 from firmware_bridge.autopilots.installation import Vtol
 from firmware_bridge.autopilots.px4.rotor_parameters import (
     THRUST_CT,
     geometry_parameters,
+    hover_and_gains,
     mock_parameters,
     yaw_rate_gains,
 )
+from firmware_bridge.autopilots.px4.tail_parameters import frame_parameters, turning_parameters, wind_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import (
     calibration,
     full_torques_nm,
@@ -36,19 +40,23 @@ from firmware_bridge.autopilots.px4.wing_parameters import (
 )
 from signals.units import STANDARD_GRAVITY_MPS2
 
-# MAV_TYPE_VTOL_FIXEDROTOR and _TILTROTOR
+# MAV_TYPE_VTOL_FIXEDROTOR, _TILTROTOR and _TAILSITTER
 _KINDS = {
     "standard": {"CA_AIRFRAME": 2, "MAV_TYPE": 22, "VT_TYPE": 2},
     "tiltrotor": {"CA_AIRFRAME": 3, "MAV_TYPE": 21, "VT_TYPE": 1},
+    "tailsitter": {"CA_AIRFRAME": 4, "MAV_TYPE": 23, "VT_TYPE": 0},
 }
 MOST_TILTS = 4  # CA_SV_TL_COUNT
 _PITCH_BANDWIDTH = 15.0  # of a tiltrotor's elevators [1/s]
+_LEAST_THRUST = 0.24  # MPC_THR_MIN over MPC_THR_HOVER, as PX4's 0.12 and 0.5
+_STIFF_PITCH = {"FW_P_TC": 0.2, "FW_P_RMAX_POS": 120.0}  # PX4's least; twice its 60 deg/s
 _ASIDE_M = 0.01  # PX4's margin (ActuatorEffectivenessTilts)
 _SAME = 1e-3  # commands of tilts that turn together
 _FIRST_SERVO = 201
 _TRANSITION, _BLEND = 1.3, 1.0  # over the stall
 _RAMP_S = 3.0  # 1 / VT_PSHER_SLEW
-_TILTING_S = 5.0  # VT_F_TRANS_DUR, PX4's default: until the tilts are halfway
+_TILTING_S = 5.0  # VT_F_TRANS_DUR, PX4's default: until the tilts wait
+_ON_THE_WAY = 0.6  # VT_TILT_TRANS from VT_TILT_MC to VT_TILT_FW
 # PX4's own defaults, where its airframe has those of its aircraft: full throttle, and no pusher in hover.
 _PX4_TRANSITION = {"VT_F_TRANS_THR": 1.0, "VT_FWD_THRUST_EN": 0.0}
 
@@ -73,6 +81,8 @@ def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
     """
     values = vtol_parameters(vehicle) | px4_parameters(vehicle.wing) | _PX4_TRANSITION | tilt_parameters(vehicle)
     del values["SYS_AUTOSTART"]
+    if vehicle.kind == "tailsitter":
+        values |= frame_parameters(values) | wind_parameters(values)
     curve = values["THR_MDL_FAC"]
     values["FW_THR_TRIM"] *= curve * values["FW_THR_TRIM"] + 1.0 - curve
     for name in ("VT_ARSP_TRANS", "VT_ARSP_BLEND"):
@@ -81,11 +91,13 @@ def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def transition_parameters(vehicle: Vtol) -> dict[str, float]:
-    """Return VT_ARSP_* and the times within which pushers or tilts must reach them."""
+    """Return VT_ARSP_* and the times within which pushers, tilts or a lowered nose must reach them."""
     wing = vehicle.wing
     trans_mps = min(_TRANSITION * wing.stall_mps, wing.cruise_mps)
     blend_mps = min(_BLEND * wing.stall_mps, 0.9 * trans_mps)
     airspeeds = {"VT_ARSP_TRANS": trans_mps, "VT_ARSP_BLEND": blend_mps}
+    if vehicle.kind == "tailsitter":
+        return airspeeds | turning_parameters(trans_mps, wing.cruise_mps)
     if vehicle.tilts:
         return airspeeds | {
             "VT_F_TRANS_DUR": _TILTING_S,
@@ -101,14 +113,14 @@ def transition_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def _tilting_s(vehicle: Vtol, airspeed_mps: float) -> float:
-    """Return the time to an airspeed without drag: tilts go halfway at a steady rate, then wait.
+    """Return the time to an airspeed without drag: tilts go as far as VT_TILT_TRANS at a steady rate, then wait.
 
-    The rotors on tilts keep their thrust of hover; halfway they give the acceleration a = g share sin(half).
+    The rotors on tilts keep their thrust of hover; there they give the acceleration a = g share sin(angle).
     """
     share = sum(len(sides) for sides in _sides_m(vehicle)) / len(vehicle.lifters)
-    halfway_mps2 = STANDARD_GRAVITY_MPS2 * share * abs(sin(0.5 * vehicle.tilts[0].ahead_rad))
-    ramped_mps = 0.5 * _TILTING_S * halfway_mps2
-    return _TILTING_S + max(airspeed_mps - ramped_mps, 0.0) / max(halfway_mps2, 0.1)
+    waiting_mps2 = STANDARD_GRAVITY_MPS2 * share * abs(sin(_ON_THE_WAY * vehicle.tilts[0].ahead_rad))
+    ramped_mps = 0.5 * _TILTING_S * waiting_mps2
+    return _TILTING_S + max(airspeed_mps - ramped_mps, 0.0) / max(waiting_mps2, 0.1)
 
 
 def tilt_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -120,10 +132,10 @@ def tilt_parameters(vehicle: Vtol) -> dict[str, float]:
     values: dict[str, float] = {
         "CA_SV_TL_COUNT": len(vehicle.tilts),
         "VT_TILT_MC": hover,
-        "VT_TILT_TRANS": 0.5 * (hover + ahead),
+        "VT_TILT_TRANS": hover + _ON_THE_WAY * (ahead - hover),
         "VT_TILT_FW": ahead,
     }
-    values |= _pitch_gain(vehicle)
+    values |= _pitch_loop(vehicle) | _linear_throttle(vehicle)
     steers = _steers(vehicle)
     if steers:
         values |= _yaw_gains(vehicle)
@@ -152,18 +164,42 @@ def _steers(vehicle: Vtol) -> bool:
     return any(left) and any(right) and all(a or b for a, b in zip(left, right, strict=True))
 
 
-def _pitch_gain(vehicle: Vtol) -> dict[str, float]:
-    """Return FW_PR_P as `wing_parameters` has it, with a loop twice as fast.
+def _pitch_loop(vehicle: Vtol) -> dict[str, float]:
+    """Return FW_PR_P as `wing_parameters` has it, with a loop twice as fast, and the stiffest attitude about it.
 
-    In the first half second of a back-transition PX4 lets all rotors turn while the tilts are still ahead: those behind
-    lift, and push the nose down. With the plane's own gain it fell to -35 degrees.
+    In the first half second of a back-transition PX4 gives all rotors the throttle of the flight while the tilts are
+    still ahead: those behind lift, and push the nose down with T x. The elevators answer (FW_PR_FF + FW_PR_P) / FW_P_TC
+    per angle. With PX4's FW_P_TC of 0.4 s, of a tiltrotor with 0.7 of their torque, the nose fell by 40 degrees.
     """
     wing = vehicle.wing
     torque_nm = full_torques_nm(wing)[1]
     if torque_nm <= 0.0:
         return {}
     gain = (_PITCH_BANDWIDTH * wing.inertia_kgm2[1] + min(wing.damping_nms[1], 0.0)) / torque_nm
-    return {"FW_PR_P": max(min(gain, 2.0), rate_gains(wing)["FW_PR_P"])}
+    return {"FW_PR_P": max(min(gain, 2.0), rate_gains(wing)["FW_PR_P"]), **_STIFF_PITCH}
+
+
+def _linear_throttle(vehicle: Vtol) -> dict[str, float]:
+    """Return THR_MDL_FAC 0, with which PX4's thrusts are commands u, and what follows: hover, least thrust, gains.
+
+    In that half second PX4's thrust falls steadily to 0. As a command it takes the thrust u^2 with it sooner: a third
+    less impulse. The gains of the rate loops are over the slope of the thrust f u^2 + (1 - f) u in hover.
+    """
+    hover = vehicle.hover
+    f, u = hover.thrust_model_factor, hover.hover_control
+    least = _LEAST_THRUST * (f * u * u + (1.0 - f) * u)
+    least_u = 2.0 * least / (1.0 - f + sqrt((1.0 - f) ** 2 + 4.0 * f * least))
+    gains = hover_and_gains(hover)
+    return {
+        "THR_MDL_FAC": 0.0,
+        "MPC_THR_HOVER": min(max(u, 0.1), 0.8),
+        "MPC_THR_MIN": least_u,
+        **{
+            name: gains[name] / (2.0 * f * u + 1.0 - f)
+            for name in gains
+            if name.startswith(("MC_ROLLRATE_", "MC_PITCHRATE_"))
+        },
+    }
 
 
 def _yaw_gains(vehicle: Vtol) -> dict[str, float]:

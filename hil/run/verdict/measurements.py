@@ -1,6 +1,6 @@
 """Judges a scripted flight by the measurements that its script declares, taken from ground truth.
 
-    max_tilt_deg        greatest angle between the body's z axis and the vertical
+    max_tilt_deg        greatest angle between the body's z axis (of a tailsitter x) and the vertical
     max_rate_degps      greatest angular speed
     max_speed_mps       greatest speed
     max_climb_mps       greatest upward speed
@@ -27,7 +27,7 @@ from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation
 from hil.run.verdict.verdict import AIRBORNE_M, Row, Verdict
 from signals.rotation import cos_tilt_of, norm
-from signals.samples import TruthState, Vec3
+from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
 _NEVER_NS = 1 << 62
@@ -48,9 +48,10 @@ class Measured(NamedTuple):
 class DeclaredMeasurements:
     """Takes the declared measurements tick by tick, in constant memory and time per tick and declaration."""
 
-    def __init__(self, expectations: Sequence[Expectation]) -> None:
+    def __init__(self, expectations: Sequence[Expectation], *, cos_tilt: Callable[[Quat], float] = cos_tilt_of) -> None:
         self._expectations = tuple(expectations)
-        self._windows = [_Window(e) for e in self._expectations if e.measure in _MEASURES]
+        measures = {**_MEASURES, "max_tilt_deg": lambda truth, _: _degrees(cos_tilt(truth.q_WB))}
+        self._windows = [_Window(e, measures[e.measure]) for e in self._expectations if e.measure in measures]
         self._home: Vec3 | None = None
         self._contact = True
         self._lift_off_ns: int | None = None
@@ -97,12 +98,12 @@ class DeclaredMeasurements:
 class _Window:
     """Extreme value of one measurement within its time window."""
 
-    def __init__(self, expectation: Expectation) -> None:
+    def __init__(self, expectation: Expectation, measure: Callable[[TruthState, Vec3], float]) -> None:
         self.expectation = expectation
         self.begin_ns = 0 if expectation.from_s is None else round(expectation.from_s * NS_PER_S)
         self.end_ns = _NEVER_NS if expectation.to_s is None else round(expectation.to_s * NS_PER_S)
         self.value: float | None = None
-        self._measure = _MEASURES[expectation.measure]
+        self._measure = measure
         self._is_minimum = expectation.measure.startswith("min_")
         self._drift = expectation.measure.endswith("_drift_m")
         self._start: Vec3 | None = None
@@ -119,8 +120,8 @@ class _Window:
             self.value = value
 
 
-def _tilt_deg(truth: TruthState, origin: Vec3) -> float:  # noqa: ARG001
-    return math.degrees(math.acos(max(-1.0, min(1.0, cos_tilt_of(truth.q_WB)))))
+def _degrees(cosine: float) -> float:
+    return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 
 
 def _horizontal_m(truth: TruthState, origin: Vec3) -> float:
@@ -128,7 +129,6 @@ def _horizontal_m(truth: TruthState, origin: Vec3) -> float:
 
 
 _MEASURES: dict[str, Callable[[TruthState, Vec3], float]] = {
-    "max_tilt_deg": _tilt_deg,
     "max_rate_degps": lambda truth, _: math.degrees(norm(truth.w_WB_B)),
     "max_speed_mps": lambda truth, _: norm(truth.v_WB_W),
     "max_climb_mps": lambda truth, _: truth.v_WB_W[2],

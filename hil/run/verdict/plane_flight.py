@@ -66,6 +66,15 @@ class Stall(NamedTuple):
     attack_rad: float = math.inf
 
 
+class Flow(NamedTuple):
+    """What is measured of the flow in one tick."""
+
+    t_ns: int
+    airspeed_margin: float
+    bank_deg: float
+    stalled_s: float  # time since the tick before, if stalled
+
+
 class PlaneMeasurement:
     """Measures the flight of a plane tick by tick."""
 
@@ -162,12 +171,19 @@ class PlaneMeasurement:
             self._follow(truth.p_WB, seconds)
 
     def _measure_flow(self, truth: TruthState, seconds: float) -> None:
+        self._count_flow(self._flow(truth, seconds))
+
+    def _flow(self, truth: TruthState, seconds: float) -> Flow:
         air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
-        self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall.speed_mps, bank))
-        self._most("max_bank_deg", abs(math.degrees(bank)))
+        margin = air.airspeed_mps / stall_at(self._stall.speed_mps, bank)
         stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall.attack_rad
-        self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
+        return Flow(truth.t_ns, margin, abs(math.degrees(bank)), seconds if stalled else 0.0)
+
+    def _count_flow(self, flow: Flow) -> None:
+        self._least("airspeed_margin", flow.airspeed_margin)
+        self._most("max_bank_deg", flow.bank_deg)
+        self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + flow.stalled_s
 
     def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
         """Return True while the wings carry the vehicle."""

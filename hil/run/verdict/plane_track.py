@@ -32,10 +32,10 @@ class PlaneTrackArrays(NamedTuple):
     t_s: NDArray[np.float64]
     airspeed_mps: NDArray[np.float64]  # true
     indicated_mps: NDArray[np.float64]  # of the newest sample of the pitot tube; NaN without one
-    stall_mps: NDArray[np.float64]  # at the load of the bank
+    stall_mps: NDArray[np.float64]  # at the load of the bank; NaN while a tailsitter's nose is up
     attack_deg: NDArray[np.float64]  # NaN while slow or on the ground
     sideslip_deg: NDArray[np.float64]
-    bank_deg: NDArray[np.float64]
+    bank_deg: NDArray[np.float64]  # NaN while a tailsitter's nose is up
     height_m: NDArray[np.float64]  # over the start
     energy_m: NDArray[np.float64]  # height and speed together: h + V^2 / 2g
     surface_deg: NDArray[np.float64]  # (n, surfaces)
@@ -63,8 +63,10 @@ class PlaneTrack:
         *,
         wind_at: Callable[[], Vec3],
         commands: Callable[[], Sequence[float]],
+        level: Callable[[TruthState], bool] = lambda _: True,
     ) -> None:
-        """`commands` returns the present commands of the servos, -1..1."""
+        """`commands` returns the present commands of the servos, -1..1. `level`: a bank means something."""
+        self._level = level
         self._stall_mps, self._wind_at, self._commands = stall_mps, wind_at, commands
         self._servos = servos
         self._indicated_mps = math.nan
@@ -80,7 +82,9 @@ class PlaneTrack:
         if self._home_up is None:
             self._home_up = truth.p_WB[2]
         airspeed, attack, sideslip = air_data(truth, self._wind_at())
-        fast, bank = airspeed >= _LEAST_MPS and not truth.in_contact, bank_rad(truth)
+        level = self._level(truth)
+        fast = airspeed >= _LEAST_MPS and not truth.in_contact and level
+        bank = bank_rad(truth) if level else math.nan
         height = truth.p_WB[2] - self._home_up
         commands = (tuple(self._commands()) + (0.0,) * len(self._servos))[: len(self._servos)]
         self._rows.extend(
@@ -88,7 +92,7 @@ class PlaneTrack:
                 truth.t_ns / NS_PER_S,
                 airspeed,
                 self._indicated_mps,
-                stall_at(self._stall_mps, bank),
+                stall_at(self._stall_mps, bank) if level else math.nan,
                 attack * DEG_PER_RAD if fast else math.nan,
                 sideslip * DEG_PER_RAD if fast else math.nan,
                 bank * DEG_PER_RAD,

@@ -21,7 +21,7 @@ final_error_m      Horizontal distance from the last true position to the end of
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
-landed_tilt_deg    Greatest angle between the body's z axis and the vertical, from touch-down on.
+landed_tilt_deg    Greatest angle between the body's z axis (of a tailsitter x) and the vertical, from touch-down on.
 
 A limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -40,7 +40,7 @@ from hil.config.schema import Limits
 from signals.documents.validate import unit_of
 from signals.errors import HilError
 from signals.rotation import cos_tilt_of
-from signals.samples import TruthState, Vec3
+from signals.samples import Quat, TruthState, Vec3
 
 REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
@@ -79,7 +79,16 @@ class FlightMeasurement:
     `legs` come from `planned_path`. Touch-down is detected at every tick, everything else at every `stride`th.
     """
 
-    def __init__(self, legs: Sequence[Leg], limits: Limits | None = None, *, stride: int = 10) -> None:
+    def __init__(
+        self,
+        legs: Sequence[Leg],
+        limits: Limits | None = None,
+        *,
+        stride: int = 10,
+        cos_tilt: Callable[[Quat], float] = cos_tilt_of,
+    ) -> None:
+        """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical."""
+        self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
         self._margin_m = max(
@@ -158,7 +167,7 @@ class FlightMeasurement:
                 self._touched = False
                 self._min_upright = None
         if self._touched:
-            upright = cos_tilt_of(truth.q_WB)
+            upright = self._cos_tilt(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs):

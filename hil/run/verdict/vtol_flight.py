@@ -1,7 +1,9 @@
 """Judges the flight of a VTOL, from ground truth: as a plane while its wings carry it, as a multirotor in hover.
 
 What carries it is taken from the true speeds of its rotors and the true angles of its tilts. Share: the sum of
-k O^2 cos(tilt) of the lifters over that in hover; a lifter that a tilt has turned by 90 degrees lifts nothing.
+k O^2 cos(tilt) of the lifters over that in hover; a lifter that a tilt has turned by 90 degrees lifts nothing. A
+tailsitter's nose tells it (`tail.py`): the 3 s before it is lowered, or rises, belong to the transition. Height is lost
+from the greatest height of that time, and airspeed, bank and drift do not count in it.
 
 on the wings    the share is below 0.1
 transition      to the wings from the moment at which the pusher turns at a tenth of its full speed, or all tilts have
@@ -22,18 +24,21 @@ hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Protocol
 
 from hil.config.missions.path import Leg
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
-from hil.run.verdict.plane_flight import PlaneMeasurement, Stall
+from hil.run.verdict.plane_flight import Flow, PlaneMeasurement, Stall
 from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m
 from signals.mission import MissionItem
-from signals.samples import TruthState, Vec3
+from signals.rotation import cos_tilt_of
+from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
 _ON_WINGS = 0.1  # share of the lift in hover
@@ -43,6 +48,20 @@ _SLOW_MPS = 5.0
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
 _LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
+
+
+class Carriage(Protocol):
+    """Tells what carries a VTOL; asked at every measured tick, in order."""
+
+    @property
+    def looks_back_s(self) -> float:
+        """Time from the beginning of a transition until it is seen."""
+
+    def on_wings(self, truth: TruthState) -> bool:
+        """Return True while the wings carry it."""
+
+    def ahead(self, truth: TruthState) -> bool:
+        """Return True if it pulls ahead: a transition has begun, or the wings carry it."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +74,11 @@ class Rotors:
     full_radps: Sequence[float]  # of each pusher
     ahead_rad: Sequence[float] = ()  # of each tilt, where its rotors point most ahead; the tilts lead the servos
     tilt_of: Sequence[int | None] = ()  # of each lifter, the tilt that turns it; without tilts empty
+    looks_back_s: float = 0.0
+
+    def on_wings(self, truth: TruthState) -> bool:
+        """Return True while no lifter carries it."""
+        return self.share(truth) < _ON_WINGS
 
     def share(self, truth: TruthState) -> float:
         """Return the mean of (O / O_hover)^2 of the lifters, of what still points up."""
@@ -65,7 +89,7 @@ class Rotors:
         ]
         return sum(lifts) / len(lifts)
 
-    def pushes(self, truth: TruthState) -> bool:
+    def ahead(self, truth: TruthState) -> bool:
         """Return True if a pusher turns, or all tilts are on their way: one alone may steer."""
         pairs = zip(self.pushers, self.full_radps, strict=True)
         if any(truth.rotor_speed_radps[i] > _TURNS * full for i, full in pairs):
@@ -97,14 +121,15 @@ class VtolMeasurement(PlaneMeasurement):
         legs: Sequence[Leg],
         stops: Sequence[Stop],
         limits: tuple[PlaneLimits, Limits],
-        rotors: Rotors,
+        carriage: Carriage,
         *,
         wings: Set[int],
         radius_m: float,
         stall: Stall,
         wind_at: Callable[[], Vec3],
+        cos_tilt: Callable[[Quat], float] = cos_tilt_of,
     ) -> None:
-        """`wings`: numbers of the items that are flown on the wings."""
+        """`wings`: numbers of the items that are flown on the wings. `cos_tilt` as of `FlightMeasurement`."""
         super().__init__(
             legs,
             stops,
@@ -113,8 +138,13 @@ class VtolMeasurement(PlaneMeasurement):
             stall=stall,
             wind_at=wind_at,
         )
-        self._landing = FlightMeasurement(legs[-1:], limits[1])
-        self._rotors, self._wings = rotors, wings
+        self._landing = FlightMeasurement(legs[-1:], limits[1], cos_tilt=cos_tilt)
+        self._carriage, self._wings = carriage, wings
+        self._looks_back_ns = round(carriage.looks_back_s * NS_PER_S)
+        self._heights: deque[tuple[int, float]] = deque()  # time and height, back to there
+        # Not counted yet: what a transition begins with is a part of it.
+        self._flows: deque[Flow] = deque()
+        self._drifts: deque[tuple[int, float]] = deque()  # time, distance in hover
         self._phase = _Phase.HOVER
         self._phase_ns = 0
         self._transited = False
@@ -129,9 +159,9 @@ class VtolMeasurement(PlaneMeasurement):
 
     def _on_wings(self, truth: TruthState) -> bool:
         """Follow the phases, at every measured tick above 5 m."""
-        share, pushes = self._rotors.share(truth), self._rotors.pushes(truth)
+        wings, pushes = self._carriage.on_wings(truth), self._carriage.ahead(truth)
         up = truth.p_WB[2]
-        wings = share < _ON_WINGS
+        self._remember(truth.t_ns, up)
         if self._phase is _Phase.HOVER and pushes:
             self._begin(_Phase.FRONT, truth)
             self._wings_ns = None
@@ -147,10 +177,25 @@ class VtolMeasurement(PlaneMeasurement):
             self._most("transition_loss_m", max(self._from_m - up, 0.0))
         if self._phase is _Phase.HOVER:
             self._hover(truth)
+        while self._drifts and self._drifts[0][0] <= truth.t_ns - self._looks_back_ns:
+            self._most("hover_cross_track_m", self._drifts.popleft()[1])
         return wings
 
+    def _remember(self, t_ns: int, up_m: float) -> None:
+        heights = self._heights
+        heights.append((t_ns, up_m))
+        while heights[0][0] < t_ns - self._looks_back_ns:
+            heights.popleft()
+
+    def _measure_flow(self, truth: TruthState, seconds: float) -> None:
+        self._flows.append(self._flow(truth, seconds))
+        while self._flows and self._flows[0].t_ns <= truth.t_ns - self._looks_back_ns:
+            self._count_flow(self._flows.popleft())
+
     def _begin(self, phase: _Phase, truth: TruthState) -> None:
-        self._phase, self._phase_ns, self._from_m = phase, truth.t_ns, truth.p_WB[2]
+        self._flows.clear()
+        self._drifts.clear()
+        self._phase, self._phase_ns, self._from_m = phase, truth.t_ns, max(height for _, height in self._heights)
         self._transited, self._in_hover = True, False
 
     def _front(self, truth: TruthState, *, wings: bool, pushes: bool) -> None:
@@ -173,12 +218,12 @@ class VtolMeasurement(PlaneMeasurement):
         leg = self._stops[self._targets[target]].leg
         assert leg is not None
         if target == 0 and not self._transited and leg.seq in self._wings:
-            self._most("hover_cross_track_m", math.dist(place, self._start))
+            self._drifts.append((truth.t_ns, math.dist(place, self._start)))
         elif self._in_hover:
             # The count is ahead of the vehicle by the distance at which a waypoint counts as reached.
             corner_m = leg.acceptance_radius_m + REACH_MARGIN_M
             if math.dist(place, leg.start_W[:2]) > corner_m:
-                self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
+                self._drifts.append((truth.t_ns, horizontal_distance_m(truth.p_WB, leg)))
 
     def _follow(self, p: Vec3, seconds: float) -> None:
         before = self._reached
@@ -198,6 +243,10 @@ class VtolMeasurement(PlaneMeasurement):
     # -- after the flight ---------------------------------------------------------------------------------------
 
     def values(self) -> dict[str, float | None]:
+        while self._flows:
+            self._count_flow(self._flows.popleft())
+        while self._drifts:
+            self._most("hover_cross_track_m", self._drifts.popleft()[1])
         found = super().values()
         landing = self._landing.result()
         of_hover = {name: getattr(landing, name) for name in _OF_HOVER}

@@ -17,13 +17,14 @@ that the recording shows the end of it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from hil.config import Bench
 from hil.config.schema import Crash
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Row, Verdict
 from signals.rotation import cos_tilt_of
-from signals.samples import TruthState, Vec3
+from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.fixed_wing import is_plane
 
@@ -38,8 +39,19 @@ class CrashPart(Part):
     name = "crash"
     _start_z_m: float  # from `begin` on
 
-    def __init__(self, limits: Crash, *, wanted: bool = False, lands_fast: bool = False) -> None:
-        """`wanted`: the script of the flight demands the crash (`outcome: crashed`). `lands_fast`: a plane."""
+    def __init__(
+        self,
+        limits: Crash,
+        *,
+        wanted: bool = False,
+        lands_fast: bool = False,
+        cos_tilt: Callable[[Quat], float] = cos_tilt_of,
+    ) -> None:
+        """`wanted`: the script of the flight demands the crash (`outcome: crashed`). `lands_fast`: a plane.
+
+        `cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
+        """
+        self._cos_tilt = cos_tilt
         self._limits, self._wanted, self._lands_fast = limits, wanted, lands_fast
         self._touch: TruthState | None = None  # of a plane, the tick before its newest touch
         self._min_cos_tilt = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
@@ -103,7 +115,7 @@ class CrashPart(Part):
         return True
 
     def _lies(self, truth: TruthState) -> None:
-        if cos_tilt_of(truth.q_WB) >= self._min_cos_tilt:
+        if self._cos_tilt(truth.q_WB) >= self._min_cos_tilt:
             self._tilted_ns = None
         elif self._tilted_ns is None:
             self._tilted_ns = truth.t_ns
@@ -126,7 +138,7 @@ class CrashPart(Part):
         if self._reason is not None:
             return
         x, y, z = truth.p_WB
-        tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, cos_tilt_of(truth.q_WB)))))
+        tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._cos_tilt(truth.q_WB)))))
         self._crashed_s = truth.t_ns / NS_PER_S
         self._reason = (
             f"crashed: {how}, {self._crashed_s:.2f} s after the start at ({x:.1f}, {y:.1f}, {z:.1f}) m, "
@@ -151,4 +163,6 @@ def _speed_mps(truth: TruthState) -> float:
 
 def make(bench: Bench) -> Part:
     assert bench.config.crash is not None
-    return CrashPart(bench.config.crash, wanted=bench.outcome == "crashed", lands_fast=is_plane(bench.vehicle))
+    vehicle = bench.vehicle
+    wanted = bench.outcome == "crashed"
+    return CrashPart(bench.config.crash, wanted=wanted, lands_fast=is_plane(vehicle), cos_tilt=vehicle.cos_tilt)

@@ -18,6 +18,7 @@ from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.runway_rolls import RunwayRolls
+from hil.run.verdict.tail import nose_is_lowered
 from hil.run.verdict.verdict import Verdict
 from signals.mission import MissionItem
 from signals.samples import AirSample, TruthState, Vec3
@@ -51,6 +52,7 @@ class PlaneFlightPart(Part):
             bench.config.tick_ns,
             wind_at=lambda: self._wind_at(),
             commands=self._commands,
+            level=nose_is_lowered if bench.vehicle.stands == "on_tail" else lambda _: True,
         )
 
     def open(self, run: RunContext) -> None:

@@ -13,9 +13,11 @@ from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_by
+from hil.run.verdict.tail import Tail
 from hil.run.verdict.verdict import Verdict
 from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items
 from signals.mission import MissionItem
+from signals.samples import Vec3
 from sim.physics import vtol
 from sim.physics.fixed_wing import Airframe
 from sim.physics.vehicle import Vehicle
@@ -26,15 +28,21 @@ class VtolFlightPart(PlaneFlightPart):
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics, params = self._facts, run.physics, self._config.autopilot.params
+        vehicle = run.bench.vehicle
+
+        def wind_at() -> Vec3:
+            return physics.wind_W_mps
+
         return VtolMeasurement(
             legs,
             stops_of(legs, flown_items(items, params)),
             (self._config.plane_limits, self._config.limits),
-            rotors_of(self._bench.vehicle),
+            Tail(facts.least_mps, wind_at) if vehicle.stands == "on_tail" else rotors_of(vehicle),
             wings={item.seq for item, wings in zip(items, on_wings(items, params), strict=True) if wings},
             radius_m=turn_radius_m(facts.cruise_mps),
-            stall=Stall(facts.stall_mps, Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad),
-            wind_at=lambda: physics.wind_W_mps,
+            stall=Stall(facts.stall_mps, Airframe(vehicle, run.bench.scene.site).stall_alpha_rad),
+            wind_at=wind_at,
+            cos_tilt=vehicle.cos_tilt,
         )
 
     def _judged(self) -> Verdict:

@@ -20,7 +20,7 @@ class ScriptPart(Part):
 
     def __init__(self, script: MissionScript, bench: Bench) -> None:
         self._script, self._bench = script, bench
-        self._measured = DeclaredMeasurements(script.script.expect)
+        self._measured = DeclaredMeasurements(script.script.expect, cos_tilt=bench.vehicle.cos_tilt)
         self._actions: ActionSource | None = None
 
     def build(self, run: RunContext) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.autopilots.px4 import px4_sitl
+from firmware_bridge.autopilots.px4.rotor_parameters import hover_and_gains
 from firmware_bridge.autopilots.px4.vehicle_parameters import vehicle_parameters
 from firmware_bridge.autopilots.px4.vtol_parameters import (
     px4_vtol_parameters,
@@ -14,6 +15,7 @@ from firmware_bridge.autopilots.px4.vtol_parameters import (
     tilt_problem,
     vtol_parameters,
 )
+from firmware_bridge.autopilots.px4.wing_parameters import calibration
 from hil.config import load_bench
 from hil.config.airframe_facts import vtol_facts
 from hil.run.autopilot import installation_of
@@ -106,7 +108,7 @@ def test_a_tiltrotor_has_its_tilts_between_motors_and_surfaces(tiltrotor):
     assert params["CA_SV_TL_COUNT"] == 2
     for n in range(2):
         assert [params[f"CA_SV_TL{n}_{key}"] for key in ("CT", "TD", "MINA", "MAXA")] == [1, 0, 0, 90]
-    assert [params[f"VT_TILT_{key}"] for key in ("MC", "TRANS", "FW")] == [0.0, 0.5, 1.0]
+    assert [params[f"VT_TILT_{key}"] for key in ("MC", "TRANS", "FW")] == [0.0, 0.6, 1.0]
 
 
 def test_the_yaw_of_a_tiltrotor_is_that_of_one_tilt_ahead(tiltrotor):
@@ -116,11 +118,11 @@ def test_the_yaw_of_a_tiltrotor_is_that_of_one_tilt_ahead(tiltrotor):
 
 
 def test_the_time_of_a_transition_with_tilts(tiltrotor):
-    """Half of the lifters at 45 degrees pull with g / 2 sin 45; on the way there, 5 s, with half of that on average."""
+    """Half of the lifters at 54 degrees pull with g / 2 sin 54; on the way there, 5 s, with half of that on average."""
     params = vtol_parameters(tiltrotor)
-    halfway_mps2 = 0.5 * 9.80665 * math.sin(math.radians(45))
+    waiting_mps2 = 0.5 * 9.80665 * math.sin(math.radians(54))
     for name, airspeed, times in (("VT_F_TR_OL_TM", "VT_ARSP_BLEND", 2), ("VT_TRANS_TIMEOUT", "VT_ARSP_TRANS", 3)):
-        least_s = 2.5 + params[airspeed] / halfway_mps2
+        least_s = 2.5 + params[airspeed] / waiting_mps2
         assert params[name] == pytest.approx(times * least_s, rel=1e-3)
 
 
@@ -131,6 +133,29 @@ def test_the_elevators_of_a_tiltrotor_are_twice_as_fast(tiltrotor):
     gain = vehicle_parameters(tiltrotor)["FW_PR_P"]
     assert gain * torque_nm == pytest.approx(15.0 * 0.160447 + wing.damping_nms[1], rel=1e-3)
     assert gain > 2.0 * vehicle_parameters(tiltrotor.wing)["FW_PR_P"]
+
+
+def test_the_pitch_of_a_tiltrotor_on_its_wings_is_stiff(tiltrotor):
+    params = vehicle_parameters(tiltrotor)
+    assert (params["FW_P_TC"], params["FW_P_RMAX_POS"]) == (0.2, 120.0)
+    assert "FW_P_TC" not in vehicle_parameters(tiltrotor.wing)
+
+
+def test_the_thrusts_of_a_tiltrotor_are_commands(tiltrotor):
+    """So are those of hover and cruise. The gains give the same torque per angular rate about hover, where T is u^2."""
+    params, shares = vehicle_parameters(tiltrotor), hover_and_gains(tiltrotor.hover)
+    u = tiltrotor.hover.hover_control
+    assert shares["THR_MDL_FAC"] == 1.0
+    assert params["THR_MDL_FAC"] == 0.0
+    assert params["MPC_THR_HOVER"] == pytest.approx(u)
+    assert params["MPC_THR_MIN"] ** 2 == pytest.approx(
+        0.24 * u**2, rel=1e-4
+    )  # the thrust, as PX4's 0.12 with a hover of 0.5
+    assert params["FW_THR_TRIM"] == pytest.approx(tiltrotor.wing.throttle * calibration(tiltrotor.wing), rel=1e-3)
+    slope = ((u + 1e-6) ** 2 - u**2) / 1e-6
+    for name in ("MC_ROLLRATE_P", "MC_PITCHRATE_I", "MC_PITCHRATE_D"):
+        assert params[name] * slope == pytest.approx(shares[name], rel=1e-4)
+    assert params["MC_ROLL_P"] == shares["MC_ROLL_P"]
 
 
 def test_a_tilt_in_the_middle_does_not_steer(tiltrotor):
