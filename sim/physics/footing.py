@@ -77,11 +77,15 @@ def find_footing(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, s
 
 
 def steepest_slope(vehicle: Vehicle, friction: float) -> tuple[float, str]:
-    """Return the steepest slope on which the vehicle stays, and what it does beyond: "slides" or "tips over"."""
+    """Return the steepest slope on which the vehicle stays, and what it does beyond: "slides" or "tips over".
+
+    `friction`: of the ground.
+    """
     corners = _hull([(x, y) for x, y, _ in _feet_from_origin(vehicle, vehicle.standing_quat(0.0))])
     edges = zip(corners, [*corners[1:], corners[0]], strict=True)
     inner_m = min(((ax * by - ay * bx) / math.hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in edges), default=0.0)
-    tips_rad, slides_rad = math.atan2(max(inner_m, 0.0), vehicle.lying_height_m), math.atan(friction)
+    grip = min((foot.friction_on(friction) for foot in vehicle.feet), default=friction)
+    tips_rad, slides_rad = math.atan2(max(inner_m, 0.0), vehicle.lying_height_m), math.atan(grip)
     return (slides_rad, "slides") if slides_rad < tips_rad else (tips_rad, "tips over")
 
 

@@ -218,7 +218,8 @@ def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None, far:
             if distance_m > MAX_DISTANCE_M:
                 message = (
                     f"{raw.name} ({command_name}) is {distance_m / 1000:.0f} km from the scene's site at "
-                    f"{site.latitude_deg:.5f}, {site.longitude_deg:.5f}; at most {MAX_DISTANCE_M / 1000:g} km are accepted"
+                    f"{site.latitude_deg:.5f}, {site.longitude_deg:.5f}; "
+                    f"at most {MAX_DISTANCE_M / 1000:g} km are accepted"
                 )
                 far.append(Problem(raw.where(4), message, "is it the mission for this scene?"))
     if math.isnan(altitude):
