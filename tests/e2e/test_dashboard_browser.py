@@ -72,7 +72,7 @@ PHONE = (390, 844)
 
 
 def until(holds: Callable[[], Any], *, page: Any) -> None:
-    end = time.monotonic() + 5 * PATIENCE_S  # a flight, which shares the processor with a browser
+    end = time.monotonic() + 2 * PATIENCE_S  # a flight, which shares the processor with a browser
     while not holds():
         assert time.monotonic() < end, page.inner_text("body")
         page.wait_for_timeout(60)

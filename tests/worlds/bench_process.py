@@ -50,7 +50,7 @@ class BenchProcess:
         self._process.kill()
         self._process.wait()
 
-    def finish(self, limit_s: float = PATIENCE_S) -> dict[str, Any]:
+    def finish(self, limit_s: float = 2 * PATIENCE_S) -> dict[str, Any]:
         """Wait for its end and return its run.json."""
         self._process.wait(limit_s)
         assert (self.out / "run.json").exists(), (self.out / "stderr.txt").read_text()

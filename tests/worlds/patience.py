@@ -16,7 +16,7 @@ from typing import Any
 from firmware_bridge.links.autopilot_link import LinkTimeouts
 from signals.time import NS_PER_S
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 SILENCE_S = 0.3
 PATIENT = LinkTimeouts(PATIENCE_S, PATIENCE_S, PATIENCE_S)
 
