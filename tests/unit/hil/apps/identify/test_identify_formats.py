@@ -239,3 +239,18 @@ def test_ardupilots_filters_are_those_that_it_runs(tmp_path: Path, simulated: bo
     for series in (found.rate, found.accel):
         np.testing.assert_allclose(series.values[inside, 0], motion[::2][inside], atol=2e-3)
     np.testing.assert_allclose(found.motors.values[inside, 0], 0.5 + 0.3 * motion[::2][inside], atol=1e-3)
+
+
+def test_commands_faster_than_the_band_of_the_readings_are_taken_out(tmp_path: Path) -> None:
+    """Commands that change at 100 Hz, of which readings restored up to 50 Hz show nothing."""
+    log = DataFlashFile({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0, "INS_GYRO_FILTER": 20.0})
+    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    log.message("IMU", "QBffffffHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GHz,AHz")
+    for i in range(2000):
+        pwm = round(1500 + 200 * np.sin(0.005 * i) + (100 if i % 4 < 2 else -100))
+        log.add("RCOU", 2500 * i, pwm, pwm, pwm, pwm)
+        log.add("IMU", 2500 * i, 0, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 400, 400)
+    found = read_log(LogFile(log.write(tmp_path / "a.bin"), X500)).motors
+    inside = slice(200, -200)
+    wanted = 0.5 + 0.2 * np.sin(2.0 * found.t_s)
+    np.testing.assert_allclose(found.values[inside, 0], wanted[inside], atol=2e-3)
