@@ -85,7 +85,9 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
     result.left_out += left_out + [str(problem) for problem in problems]
     notes = [note for read in reads for note in read.notes] + _mixed(flights, vehicle)
     if notes:
-        cells = [(note.where, note.message + (f" ({note.hint})" if note.hint else "")) for note in notes]
+        cells: list[tuple[str, ...]] = [
+            (note.where, note.message + (f" ({note.hint})" if note.hint else "")) for note in notes
+        ]
         result.tables.insert(0, TextTable(("log", "note"), cells))
     names = {read.map_name for read in reads}
     limit = next((LIMITS[name] for name in names if name in LIMITS), None) if len(names) == 1 else None
