@@ -14,9 +14,9 @@ from hil.run.flight_logs.log_format import LogFile, read_log
 from lab import flights as bench
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
-from tests.unit.hil.apps.identify.test_identify_formats import COLUMN_MAP, csv_file, table
 from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.flight_files import dataflash, motion_of
+from tests.worlds.flight_table import COLUMN_MAP, csv_file, table
 from tests.worlds.flown_log import flown_log
 from tests.worlds.known_motion import Motion
 from tests.worlds.ulog_file import ULogFile
