@@ -45,7 +45,7 @@ _PUBLISHED = {"idsia": (0.104, 0.456, 0.2268, 0.598)}
 _SHIPPED_MAPS = Path(__file__).resolve().parents[1] / "docs" / "examples" / "identify"
 _SUFFIXES = (".parquet", ".csv", ".ulg", ".bin", ".mcap")
 _QUICK_EVERY, _QUICK_LOGS = 10, 4
-_SHORTEST_S = LEARNING_S + 2.0 * max(HORIZONS_S)  # of a flight
+_SHORTEST_S = LEARNING_S + max(HORIZONS_S)  # of a flight: the least for one prediction
 _TOGETHER = 16  # logs that are filtered side by side
 
 
