@@ -11,6 +11,9 @@ Tables need a map of their columns: of `--set columns=`, or a `*.columns.yaml` b
 one that comes with the bench, whichever first names columns that the table has. Logs of commands with an accelerometer
 add rows of the specific force (flights_force.py). The published figures are checked on
 flights of the set that they were published for.
+
+A log that cannot be used is left out and named with the reason; one whose units or axes contradict each other cannot.
+What was cut out of the others stands in a table of notes.
 """
 
 from __future__ import annotations
@@ -25,8 +28,9 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.options import read_lists
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
-from hil.apps.identify.fit.prediction import HORIZONS_S, Grid, Predictor
-from hil.run.flight_logs.airborne import find_flights, motors_up
+from hil.apps.identify.fit.prediction import HORIZONS_S, LEARNING_S, Grid, Predictor
+from hil.apps.identify.plausibility import check_one_vehicle
+from hil.apps.identify.preparation import checked_flights, with_measured_voltage
 from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.flight_logs.log_format import LogFile, read_log
 from lab.flights_force import LIMITS, add_specific_force
@@ -41,6 +45,7 @@ _PUBLISHED = {"idsia": (0.104, 0.456, 0.2268, 0.598)}
 _SHIPPED_MAPS = Path(__file__).resolve().parents[1] / "docs" / "examples" / "identify"
 _SUFFIXES = (".parquet", ".csv", ".ulg", ".bin", ".mcap")
 _QUICK_EVERY, _QUICK_LOGS = 10, 4
+_SHORTEST_S = LEARNING_S + max(HORIZONS_S)  # of a flight: the least for one prediction
 _TOGETHER = 16  # logs that are filtered side by side
 
 
@@ -48,6 +53,7 @@ _TOGETHER = 16  # logs that are filtered side by side
 class _Read:
     flights: list[FlightLog]
     map_name: str
+    notes: list[Problem]
 
 
 def missing() -> str:
@@ -70,12 +76,19 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
         left_out.append(f"{len(files) - _QUICK_LOGS} of {len(files)} logs, and nine of ten instants")
         files = [files[i * len(files) // _QUICK_LOGS] for i in range(_QUICK_LOGS)]
     maps = _maps(folder, Path(vehicle_file), given.get("columns"))
-    reads = [_read(file, vehicle, maps) for file in files]
+    every = _QUICK_EVERY if quick else _every(given.get("every", ("1",)))
+    reads, problems = _reads(files, vehicle, maps)
     flights = [flight for read in reads for flight in read.flights]
-    result = _predicted(
-        flights, vehicle, every=_QUICK_EVERY if quick else int(given.get("every", ("1",))[0]), status=status
-    )
-    result.left_out += left_out
+    if not flights:
+        raise ConfigError(list(dict.fromkeys(problems)))
+    result = _predicted(flights, vehicle, every=every, status=status)
+    result.left_out += left_out + [str(problem) for problem in problems]
+    notes = [note for read in reads for note in read.notes] + _mixed(flights, vehicle)
+    if notes:
+        cells: list[tuple[str, ...]] = [
+            (note.where, note.message + (f" ({note.hint})" if note.hint else "")) for note in notes
+        ]
+        result.tables.insert(0, TextTable(("log", "note"), cells))
     names = {read.map_name for read in reads}
     limit = next((LIMITS[name] for name in names if name in LIMITS), None) if len(names) == 1 else None
     limits = next((_PUBLISHED[name] for name in names if name in _PUBLISHED), None) if len(names) == 1 else None
@@ -101,19 +114,56 @@ def _maps(folder: Path, vehicle_file: Path, named: Sequence[str] | None) -> list
     return list(dict.fromkeys(found))
 
 
+def _mixed(flights: Sequence[FlightLog], vehicle: Vehicle) -> list[Problem]:
+    """Return what shows that flights of one kind are not of one vehicle: they are judged all the same."""
+    found: list[Problem] = []
+    for kind in sorted({flight.motors_kind for flight in flights}):
+        try:
+            check_one_vehicle([flight for flight in flights if flight.motors_kind == kind], vehicle)
+        except ConfigError as error:
+            found += error.problems
+    return found
+
+
+def _every(given: Sequence[str]) -> int:
+    """Return of how many instants one is begun from. Raises ConfigError."""
+    if len(given) != 1 or not given[0].isdecimal() or int(given[0]) < 1:
+        raise ConfigError([Problem("--set every", f"must be a whole number from 1, not {', '.join(given) or 'empty'}")])
+    return int(given[0])
+
+
+def _reads(files: Sequence[Path], vehicle: Vehicle, maps: Sequence[Path | None]) -> tuple[list[_Read], list[Problem]]:
+    """Return the logs that can be judged, and why the others cannot."""
+    reads: list[_Read] = []
+    problems: list[Problem] = []
+    for path in files:
+        try:
+            reads.append(_read(path, vehicle, maps))
+        except ConfigError as error:
+            problems += error.problems
+    return reads, problems
+
+
 def _read(path: Path, vehicle: Vehicle, maps: Sequence[Path | None]) -> _Read:
     tables = path.suffix.lower() in (".parquet", ".csv")
     first: ConfigError | None = None
     for columns in maps if tables and maps else [None]:
         file = LogFile(path, vehicle, columns)
         try:
-            log = read_log(file)
+            log = with_measured_voltage(read_log(file), file)
         except ConfigError as error:
             first = first or error
             continue
-        up = motors_up(log, file)
-        flights = find_flights(log, file, up) if up else []
-        return _Read(flights, "" if columns is None else columns.name.partition(".")[0])
+        if log.pose is None:
+            hint = "predictions begin from both: log them"
+            raise file.refuse("has no attitude with a position", hint, topic=file.topic("pose"))
+        flights = checked_flights(log, file)
+        long = [flight for flight in flights if flight.duration_s > _SHORTEST_S]
+        if not long:
+            spans = ", ".join(f"{flight.start_s:.2f} to {flight.end_s:.2f} s" for flight in flights) or "none at all"
+            cut = "; ".join(f"{note.where.partition(': ')[2]} {note.message}" for note in file.notes)
+            raise file.refuse(f"has no free flight of more than {_SHORTEST_S:g} s (found: {spans})", cut)
+        return _Read(long, "" if columns is None else columns.name.partition(".")[0], file.notes)
     assert first is not None
     raise first
 

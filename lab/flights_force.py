@@ -39,6 +39,9 @@ def add_specific_force(
     if unknown:
         names = ", ".join(f.name for f in usable)
         raise ConfigError([Problem("--set fitted", f"{', '.join(unknown)}: no such flight", f"known: {names}")])
+    judged = [f.name for f in usable if f.name not in fitted]
+    if not judged:
+        raise ConfigError([Problem("--set fitted", "names every flight", "leave some out: those are judged")])
     model = make_model(vehicle, at.vehicle_unknowns(vehicle), kind="command", step_s=_STEP_S)
     s = np.zeros(at.VEHICLE_COUNT + at.LOG_COUNT)
     nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0
@@ -49,7 +52,6 @@ def add_specific_force(
         forces[flight.name] = forces_of(model, s, flight, nominal_v)
         took_s[flight.name] = time.process_time() - began
     gains = constant_gain([forces[f.name] for f in usable if not fitted or f.name in fitted])
-    judged = [f.name for f in usable if f.name not in fitted]
     cells = []
     pairs = {name: errors(forces[name], gains) for name in judged}
     for name in judged:
@@ -67,7 +69,8 @@ def add_specific_force(
     note = "specific force over 0.1 s, rms of the error; gain: the better of thrust per command and per its square"
     result.tables.append(TextTable(("flight", "V", "model m/s2", "gain m/s2", "ratio"), cells, note))
     if limit is not None:
-        ratio = _rms(all_off) / _rms(all_plain)
+        plain = _rms(all_plain)
+        ratio = _rms(all_off) / plain if plain > 0.0 else float("nan")
         result.checks.append(Check("error of specific force over a constant gain's", ratio, "<=", limit, "-"))
 
 
@@ -79,9 +82,10 @@ def _row(
     took_s: float,
 ) -> tuple[str, ...]:
     off, plain = _rms(pair[0]), _rms(pair[1])
-    details = {"voltage_v": volts, "gain_mps2": plain, "ratio": off / plain, "samples": len(pair[0])}
+    ratio = off / plain if plain > 0.0 else float("nan")
+    details = {"voltage_v": volts, "gain_mps2": plain, "ratio": ratio, "samples": len(pair[0])}
     result.rows.append(Row(case, "specific force", off, "m/s2", took_s or float("nan"), details))
-    return case, f"{volts:.2f}", f"{off:.3f}", f"{plain:.3f}", f"{off / plain:.2f}"
+    return case, f"{volts:.2f}", f"{off:.3f}", f"{plain:.3f}", f"{ratio:.2f}"
 
 
 def _rms(x: NDArray[np.float64]) -> float:

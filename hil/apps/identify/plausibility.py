@@ -37,6 +37,7 @@ _LEAST_SPEED_MPS = 0.03
 _AGREES = 0.6  # correlation of two measurements of the same motion that leaves no doubt
 _CONTRADICTS = 0.3  # and the one below which they are not of the same motion; between both it may be noise
 _GAIN_NOTED, _GAIN_REFUSED = 1.5, 4.0  # times the weight, or its inverse
+_SCALE_REFUSED = 4.0  # two measurements of one motion that differ by more, or by less than its inverse
 _MIXED = 1.4  # ratio of two flights' gains: a battery that empties, or payload, stays below
 _VOLTS_PER_CELL = (2.5, 4.4)
 
@@ -122,9 +123,11 @@ def _unit_of(ratio: float, units: Mapping[str, float]) -> str:
 
 
 def _slope(of: Rows, on: Rows) -> tuple[float, float]:
-    """Return the slope of all columns together, and their correlation; means are taken off."""
+    """Return the slope of all columns together, and their correlation; means are taken off. 0, 0 for a constant."""
     a, b = of - of.mean(axis=0), on - on.mean(axis=0)
     cross, aa, bb = float((a * b).sum()), float((a * a).sum()), float((b * b).sum())
+    if not aa * bb > 0.0:
+        return 0.0, 0.0
     # A ratio of norms with the sign of the product: noise on either side shifts it less than a one-sided regression.
     return math.copysign(math.sqrt(aa / bb), cross), cross / math.sqrt(aa * bb)
 
@@ -137,16 +140,26 @@ def _check_rate(log: FlightLog, file: LogFile, t_s: Rows) -> None:
     topic, when = file.topic("rate"), f"from {log.start_s:.2f} s"
     if float(np.sqrt(np.mean(turned * turned))) < _LEAST_RATE_RADPS:
         return
+    if not measured.any():
+        message = f"is 0 {when}, while the attitude turns"
+        raise file.refuse(message, "leave it out of the map, or log the gyro", topic=topic)
     slope, agreement = _slope(measured, turned)
     unit = _unit_of(abs(slope), _RATE_UNITS)
     if unit and abs(agreement) > _AGREES:
         message = f"turns {abs(slope):.4g} times as fast as the attitude does {when}: it looks like {unit}, not rad/s"
         raise file.refuse(message, f"say so: unit {unit}", topic=topic)
+    taken_for = _unit_of(1.0 / max(abs(slope), 1e-12), _RATE_UNITS)
+    if taken_for and abs(agreement) > _AGREES:
+        message = f"turns {abs(slope):.4g} times as fast as the attitude does {when}: rad/s were taken for {taken_for}"
+        raise file.refuse(message, "say so: unit rad/s", topic=topic)
     if agreement < _CONTRADICTS:
         axes = [f"{name} {_slope(measured[:, [k]], turned[:, [k]])[1]:+.2f}" for k, name in enumerate("xyz")]
         message = f"does not turn as the attitude does {when} (correlations {', '.join(axes)})"
         hint = "check the axes (flu or frd), the order of the quaternion (w first) and its direction (body to world)"
         raise file.refuse(message, hint, topic=topic)
+    if not 1.0 / _SCALE_REFUSED < slope < _SCALE_REFUSED:
+        message = f"turns {slope:.3g} times as fast as the attitude does {when}"
+        raise file.refuse(message, "check its unit and scale", topic=topic)
     if agreement < _AGREES or not 0.7 < slope < 1.4:
         message = f"turns {slope:.3g} times as fast as the attitude does {when} (correlation {agreement:.2f})"
         file.note(message, "check its scale, and both for jumps", topic=topic)
@@ -172,6 +185,9 @@ def _check_velocity(log: FlightLog, file: LogFile, t_s: Rows) -> None:
     if agreement < _CONTRADICTS:
         hint = "check the frame: the velocity is that in the world (enu or ned), not in the body"
         raise file.refuse(message, hint, topic=file.topic("velocity"))
+    if not 1.0 / _SCALE_REFUSED < slope < _SCALE_REFUSED:
+        topic = f"{file.topic('velocity')} and {file.topic('pose')}"
+        raise file.refuse(message, "check the units of both", topic=topic)
     if agreement < _AGREES or not 0.7 < slope < 1.4:
         file.note(message, "check its scale, and both for jumps", topic=file.topic("velocity"))
 

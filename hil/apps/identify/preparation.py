@@ -94,16 +94,23 @@ def flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
     log = with_measured_voltage(read_log(file), file)
     if log.rate is None and log.pose is None:
         raise file.refuse("has neither gyro nor attitude and position: nothing shows how the vehicle moved")
+    flights = checked_flights(log, file)
+    note_saturation(flights, file)
+    return log, flights
+
+
+def checked_flights(log: FlightLog, file: LogFile) -> list[FlightLog]:
+    """Return the flights of a log, in units and axes that agree with each other. Raises ConfigError."""
     up = motors_up(log, file)
     if not up:
         at = f"from {log.start_s:.2f} to {log.end_s:.2f} s"
-        raise file.refuse(f"contains no flight {at}", "the motors are never up for half a second")
+        hint = "the motors are never up for half a second; check the unit of time and the motors' range"
+        raise file.refuse(f"contains no flight {at}", hint)
     check_accel(log, file, up)
     flights = find_flights(log, file, up)
     for flight in flights:
         check_flight(flight, file)
-    note_saturation(flights, file)
-    return log, flights
+    return flights
 
 
 def with_measured_voltage(log: FlightLog, file: LogFile) -> FlightLog:

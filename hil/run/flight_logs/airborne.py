@@ -145,7 +145,13 @@ def _above_ground(log: FlightLog, file: LogFile, up: Interval) -> tuple[Interval
         stands_m.append(_ground_m(log.pose, end_s - 0.3, end_s + _FALL_S))
         end_s = -_first_above(-part.t_s[::-1], z_m[::-1], stands_m[-1] + clear_m) - _LANDING_S
     ground_m = stands_m[0] - _standing_height_m(file) if stands_m else None
-    return ((start_s, end_s) if end_s > start_s else None), ground_m
+    if end_s > start_s:
+        return (start_s, end_s), ground_m
+    rise_m = float(z_m.max() - min(stands_m)) if stands_m else 0.0
+    message = f"rises {rise_m:.3g} m with the motors up from {up[0]:.2f} to {up[1]:.2f} s"
+    hint = f"flight begins at {clear_m:.2g} m; if it flew higher, check the unit of the height"
+    file.note(message, hint, topic=file.topic("pose"))
+    return None, ground_m
 
 
 def _standing_height_m(file: LogFile) -> float:

@@ -9,6 +9,7 @@ from hil.run.flight_logs.flight_log import Series
 
 Column = NDArray[np.float64]
 
+_NO_ROTATION = 0.05  # of a quaternion's norm; single precision has 1e-7
 _POSITION_GAP_S = 1.0  # autopilots log positions at 5 Hz and more; over a longer time no curve is where it flew
 
 
@@ -30,7 +31,7 @@ def pose_of(attitude: Series, position: Series, velocity: Series | None) -> Seri
 
     An autopilot logs attitudes more often than positions. Between two positions p is the cubic with the positions and
     velocities of both (Hermite), or the straight line without velocities. The attitude, which has the fast motion, is
-    taken as it is.
+    taken as it is, where it is a rotation: a damaged log may have zeros there.
     """
     inside = (attitude.t_s >= position.t_s[0]) & (attitude.t_s <= position.t_s[-1])
     before = np.searchsorted(position.t_s, attitude.t_s, "right") - 1
@@ -38,6 +39,7 @@ def pose_of(attitude: Series, position: Series, velocity: Series | None) -> Seri
     last = len(position) - 1
     step_s = position.t_s[np.clip(after, 0, last)] - position.t_s[np.clip(before, 0, last)]
     inside &= step_s <= _POSITION_GAP_S
+    inside &= np.abs(np.linalg.norm(attitude.values, axis=1) - 1.0) < _NO_ROTATION
     t_s = attitude.t_s[inside]
     if not len(t_s):
         return None

@@ -84,10 +84,14 @@ class FlightLog:
         return self.end_s - self.start_s
 
     def between(self, start_s: float, end_s: float, name: str) -> FlightLog:
-        """Return the stretch from `start_s` to `end_s` under a name of its own. Its series are views of these."""
+        """Return the stretch from `start_s` to `end_s` under a name of its own. Its series are views of these.
+
+        A series of which less than two values lie in it is one that the stretch does not have.
+        """
 
         def cut(series: Series | None) -> Series | None:
-            return None if series is None else series.between(start_s, end_s)
+            part = None if series is None else series.between(start_s, end_s)
+            return part if part is not None and len(part) > 1 else None
 
         return replace(
             self,

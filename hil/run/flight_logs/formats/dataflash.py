@@ -16,11 +16,12 @@ says which rotor of the vehicle file is which motor.
 from __future__ import annotations
 
 import contextlib
-import io
 import math
-from collections.abc import Mapping
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from hil.run.flight_logs.columns_of_time import pose_of, series_of
 from hil.run.flight_logs.dataflash_set_points import dataflash_other_vehicle, dataflash_set_points, dataflash_wind
 from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.message_columns import MessageColumns
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
 from hil.run.flight_logs.unfiltered import LowPass, band_of, within_band
 
@@ -57,11 +59,14 @@ _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hide
 class _Messages:
     """Messages of a log as columns."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, file: LogFile) -> None:
         from pymavlink.DFReader import DFReader_binary
 
-        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
-            reader = DFReader_binary(str(path))  # prints what it finds at a damaged end
+        self._file = file
+        with _printed() as printed:
+            reader = DFReader_binary(str(file.path))
+            printed.seek(0)
+            self.damaged_bytes = sum(1 for _ in printed)
         try:
             self._bytes = np.frombuffer(bytes(reader.data_map), np.uint8)
             self._formats = {f.name: f for f in reader.formats.values()}
@@ -69,32 +74,54 @@ class _Messages:
         finally:
             reader.filehandle.close()
 
-    def __call__(self, name: str, instance: int | None = None) -> dict[str, NDArray[Any]] | None:
+    def __call__(self, name: str, instance: int | None = None) -> MessageColumns | None:
         """Return the columns of a message, of its one `instance` if it has several; None without any."""
         item, offsets = self._formats.get(name), self._offsets.get(name)
         if item is None or offsets is None:
             return None
         offsets = offsets[offsets + item.len <= len(self._bytes)]
-        if not len(offsets) or any(c not in _TYPES for c in item.format):
-            return None
+        declared = len(item.columns) == len(item.format) and len(set(item.columns)) == len(item.columns)
+        if not len(offsets) or not declared or any(c not in _TYPES for c in item.format):
+            return None  # declared by a damaged part of the log
         record = np.dtype([(column, _TYPES[c][0]) for column, c in zip(item.columns, item.format, strict=True)])
         if record.itemsize + _HEAD_BYTES != item.len:
             return None
         places = offsets[:, None] + np.arange(_HEAD_BYTES, item.len)
         rows = np.ascontiguousarray(self._bytes[places]).view(record).ravel()
-        columns = {
+        values = {
             column: rows[column] if _TYPES[c][1] == 1.0 else rows[column] * _TYPES[c][1]
             for column, c in zip(item.columns, item.format, strict=True)
         }
+        columns = MessageColumns(values, self._file, name)
         which = next((columns[c] for c in ("I", "Instance", "C") if c in columns), None)
         if instance is None or which is None:
             return columns
         kept = which == instance
-        return {name: values[kept] for name, values in columns.items()} if kept.any() else None
+        if not kept.any():
+            return None
+        return MessageColumns({column: x[kept] for column, x in columns.items()}, self._file, name)
 
     @property
     def names(self) -> list[str]:
         return [name for name, offsets in self._offsets.items() if len(offsets)]
+
+
+@contextlib.contextmanager
+def _printed() -> Iterator[IO[bytes]]:
+    """Catch the standard error of the process: pymavlink's indexer in C prints a line for each damaged byte."""
+    with tempfile.TemporaryFile() as caught:
+        try:
+            kept = os.dup(2)
+        except OSError:  # closed
+            yield caught
+            return
+        try:
+            os.dup2(caught.fileno(), 2)
+            with contextlib.redirect_stderr(None), contextlib.redirect_stdout(None):
+                yield caught
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -106,9 +133,12 @@ def _read(file: LogFile) -> FlightLog:
         if opened.read(2) != _HEAD:
             raise file.refuse("is named .bin and is no DataFlash log", "take the log from LOGS of the vehicle's card")
     try:
-        messages = _Messages(file.path)
+        messages = _Messages(file)
     except Exception as error:  # pymavlink raises bare exceptions for damaged files
         raise file.refuse(f"is no readable DataFlash log ({error})", "copy it from the vehicle again") from error
+    if messages.damaged_bytes:
+        hint = "copy it from the vehicle again; what is whole is used"
+        file.note(f"has {messages.damaged_bytes} damaged bytes", hint)
     if other := dataflash_other_vehicle(messages):
         raise file.refuse(f"is the log of {other}", "name the log of a multirotor", topic="MSG")
     parameters = _parameters(messages)
@@ -121,7 +151,8 @@ def _read(file: LogFile) -> FlightLog:
         rate = series_of(t_s, flu_from_frd(_stack(imu, "GyrX", "GyrY", "GyrZ")))
         accel = series_of(t_s, flu_from_frd(_stack(imu, "AccX", "AccY", "AccZ")))
         gyro_filter, accel_filter = _low_passes(imu, parameters)
-        band_hz = band_of([x for x in (gyro_filter, accel_filter) if x is not None], float(np.median(np.diff(t_s))))
+        filters = [x for x in (gyro_filter, accel_filter) if x is not None]
+        band_hz = band_of(filters, float(np.median(np.diff(t_s)))) if len(t_s) > 1 else 0.0
         rate, accel = within_band(rate, band_hz, gyro_filter), within_band(accel, band_hz, accel_filter)
         if kind == "command" and _rate_hz(motors) > 2.0 * band_hz:
             motors = _in_band(motors, band_hz)
@@ -226,12 +257,12 @@ def _motors(file: LogFile, messages: _Messages, parameters: Mapping[str, float])
     commands = np.clip((pwm - low) / max(high - low, 1.0), 0.0, 1.0)
     series = series_of(columns["TimeUS"] * _US, commands)
     assert series is not None  # PWM is finite
-    if len(series) > 1 and _rate_hz(series) < _LEAST_MOTOR_HZ:
+    if _rate_hz(series) < _LEAST_MOTOR_HZ:
         rate = messages("RATE")
         loops = None
         if rate is not None:
             loops = series_of(rate["TimeUS"] * _US, _stack(rate, "ROut", "POut", "YOut", "AOut"))
-        if loops is not None and len(loops) > 1 and _rate_hz(loops) >= _LEAST_MOTOR_HZ:
+        if loops is not None and _rate_hz(loops) >= _LEAST_MOTOR_HZ:
             faster = faster_commands(series, loops, parameters)
             if faster is not None:
                 file.topics.update(motors="RATE, mixed as RCOU")
@@ -242,7 +273,7 @@ def _motors(file: LogFile, messages: _Messages, parameters: Mapping[str, float])
 
 
 def _rate_hz(series: Series) -> float:
-    return 1.0 / float(np.median(np.diff(series.t_s)))
+    return 1.0 / float(np.median(np.diff(series.t_s))) if len(series) > 1 else 0.0
 
 
 def _esc_speeds(messages: _Messages, output_of_rotor: Mapping[int, int], count: int) -> Series | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from hil.run.flight_logs.set_points import SetPoints, set_points_of
 from signals.documents.validate import load_model, nearest
 
 _PARQUET = b"PAR1"
+_SHORTEST_PERIOD_S, _LONGEST_PERIOD_S = 2e-5, 2.0
 _QUATERNION_NORM = 0.05  # deviation from 1 that rounding to two digits explains; more is another quantity
 Columns = dict[str, NDArray[np.float64]]
 
@@ -54,7 +56,9 @@ def _read(file: LogFile) -> FlightLog:
     with open(file.path, "rb") as opened:
         parquet = opened.read(len(_PARQUET)) == _PARQUET
     table = _parquet(file, wanted) if parquet else _csv(file, wanted)
-    return _log(file, columns_map, table)
+    log = _log(file, columns_map, table)
+    _note_empty(file, log, columns_map)
+    return log
 
 
 def _topics(m: ColumnMap) -> dict[str, str]:
@@ -109,11 +113,12 @@ def _csv(file: LogFile, wanted: Sequence[str]) -> Columns:
     lines = text.splitlines()
     separator = max(",;\t", key=lines[0].count) if lines else ","
     rows = csv.reader(lines, delimiter=separator)
-    header = [name.strip() for name in next(rows, [])]
+    cells = _rows(file, rows)
+    header = [name.strip() for name in next(cells, [])]
     _refuse_missing(file, wanted, header)
     places = [header.index(name) for name in wanted]
     values: list[list[float]] = []
-    for row in rows:
+    for row in cells:
         if not row:
             continue
         try:
@@ -129,6 +134,14 @@ def _csv(file: LogFile, wanted: Sequence[str]) -> Columns:
     return {name: array[:, i] for i, name in enumerate(wanted)}
 
 
+def _rows(file: LogFile, rows: Any) -> Iterator[list[str]]:
+    """Yield the rows of a `csv.reader`. Raises ConfigError where they are none."""
+    try:
+        yield from rows
+    except csv.Error as error:
+        raise file.refuse(f"is no table in line {rows.line_num} ({error})", "export it as CSV in UTF-8") from error
+
+
 def _number(cell: str) -> float:
     cell = cell.strip()
     return float(cell) if cell else float("nan")
@@ -137,6 +150,7 @@ def _number(cell: str) -> float:
 def _log(file: LogFile, m: ColumnMap, table: Columns) -> FlightLog:
     t_s = table[m.time.column] * TIME_UNITS[m.time.unit]
     t_s = t_s - t_s[0] if len(t_s) and abs(t_s[0]) > 1e6 else t_s  # an epoch's seconds leave too few digits
+    _check_clock(file, m, t_s)
     motors = _motors(file, m.motors, t_s, table)
 
     def world(names: Sequence[str], factor: float) -> Series | None:
@@ -169,6 +183,27 @@ def _log(file: LogFile, m: ColumnMap, table: Columns) -> FlightLog:
         set_points=_set_points(m.set_points, m.world, t_s, table) if m.set_points is not None else None,
         ground_m=m.ground_m,
     )
+
+
+def _check_clock(file: LogFile, m: ColumnMap, t_s: NDArray[np.float64]) -> None:
+    """Refuse times whose unit cannot be the map's: no log of a flight has rows so far apart, or so close together."""
+    known_s = t_s[np.isfinite(t_s)]
+    span_s = float(np.ptp(known_s)) if len(known_s) else 0.0
+    period_s = span_s / (len(known_s) - 1) if len(known_s) > 1 else 0.0
+    if span_s > 0.0 and not _SHORTEST_PERIOD_S < period_s < _LONGEST_PERIOD_S:
+        message = f"has {len(known_s)} rows in {span_s:.3g} s, from {known_s.min():.6g} to {known_s.max():.6g} s"
+        raise file.refuse(message, f"check the map's unit of time, {m.time.unit}", topic=m.time.column)
+
+
+def _note_empty(file: LogFile, log: FlightLog, m: ColumnMap) -> None:
+    """Tell which series of the map have not one row of numbers."""
+    declared = {
+        "pose": m.position is not None and m.attitude is not None,
+        **{name: getattr(m, name) is not None for name in ("velocity", "rate", "accel", "voltage")},
+    }
+    for name in declared:
+        if declared[name] and getattr(log, name) is None:
+            file.note("has no row with a number in each", "it is not used", topic=file.topic(name))
 
 
 def _stack(table: Columns, names: Sequence[str]) -> NDArray[np.float64]:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from hil.run.flight_logs.columns_of_time import pose_of, series_of
 from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.message_columns import MessageColumns
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
 from hil.run.flight_logs.rotor_model import wrench
 from hil.run.flight_logs.ulog_set_points import TOPICS as _SET_POINT_TOPICS
@@ -59,10 +60,14 @@ _RESETS: tuple[
 class _Topics:
     """Columns of the topics of one log, by name and instance."""
 
-    def __init__(self, datasets: Sequence[Any]) -> None:
-        self._data = {(d.name, d.multi_id): d.data for d in datasets if len(d.data.get("timestamp", ()))}
+    def __init__(self, datasets: Sequence[Any], file: LogFile) -> None:
+        self._data = {
+            (d.name, d.multi_id): MessageColumns(d.data, file, d.name)
+            for d in datasets
+            if len(d.data.get("timestamp", ()))
+        }
 
-    def __call__(self, name: str, instance: int = 0) -> dict[str, NDArray[Any]] | None:
+    def __call__(self, name: str, instance: int = 0) -> MessageColumns | None:
         return self._data.get((name, instance))
 
 
@@ -80,7 +85,7 @@ def _read(file: LogFile) -> FlightLog:
             log = ULog(str(file.path), list(_TOPICS))
     except Exception as error:  # pyulog raises bare exceptions, IndexError and struct.error
         raise file.refuse(f"is no readable ULog ({error})", "copy it from the vehicle again") from error
-    topics = _Topics(log.data_list)
+    topics = _Topics(log.data_list, file)
     if log.file_corruption:
         hint = "copy it from the card again; what comes before is used"
         file.note(f"is cut off or damaged; its data end at {log.last_timestamp * _US:.2f} s", hint)

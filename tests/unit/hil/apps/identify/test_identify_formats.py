@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -15,42 +14,12 @@ from hil.run.flight_logs.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.flight_files import dataflash, ulog
+from tests.worlds.flight_table import COLUMN_MAP, csv_file, table
 from tests.worlds.known_motion import Motion, motion
 from tests.worlds.ulog_file import ULogFile
 
 X500 = load_vehicle("x500")
 MOTION = motion(np.arange(0.0, 10.0, 0.01))
-COLUMN_MAP = """
-time: {column: t, unit: ms}
-world: ned
-body: frd
-estimated: false
-motors: {columns: [m1, m2, m3, m4], kind: command, range: [0, 65535]}
-position: {columns: [x, y, z], unit: cm}
-attitude: {quaternion: [qw, qx, qy, qz]}
-velocity: {columns: [vx, vy, vz], unit: m/s}
-rate: {columns: [p, q, r], unit: deg/s}
-accel: {columns: [ax, ay, az], unit: g}
-voltage: {column: bat, unit: mV}
-"""
-
-
-def table(m: Motion) -> tuple[list[str], np.ndarray]:
-    header = [*"t m1 m2 m3 m4 x y z qw qx qy qz vx vy vz p q r ax ay az bat".split()]  # noqa: SIM905
-    columns = [
-        1e3 * m.t_s[:, None], 65535 * m.motors, 100 * m.ned(m.p_WB), m.q_NF, m.ned(m.v_WB_W),
-        np.degrees(m.frd(m.w_WB_B)), m.frd(m.accel_B) / 9.80665, np.full((len(m.t_s), 1), 15200.0),
-    ]  # fmt: skip
-    return header, np.hstack(columns)
-
-
-def csv_file(path: Path, m: Motion) -> Path:
-    header, values = table(m)
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows(values.tolist())
-    return path
 
 
 def check(log: FlightLog, *, start_s: float, angle_rad: float = 1e-6) -> None:
@@ -239,3 +208,18 @@ def test_ardupilots_filters_are_those_that_it_runs(tmp_path: Path, simulated: bo
     for series in (found.rate, found.accel):
         np.testing.assert_allclose(series.values[inside, 0], motion[::2][inside], atol=2e-3)
     np.testing.assert_allclose(found.motors.values[inside, 0], 0.5 + 0.3 * motion[::2][inside], atol=1e-3)
+
+
+def test_commands_faster_than_the_band_of_the_readings_are_taken_out(tmp_path: Path) -> None:
+    """Commands that change at 100 Hz, of which readings restored up to 50 Hz show nothing."""
+    log = DataFlashFile({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0, "INS_GYRO_FILTER": 20.0})
+    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    log.message("IMU", "QBffffffHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GHz,AHz")
+    for i in range(2000):
+        pwm = round(1500 + 200 * np.sin(0.005 * i) + (100 if i % 4 < 2 else -100))
+        log.add("RCOU", 2500 * i, pwm, pwm, pwm, pwm)
+        log.add("IMU", 2500 * i, 0, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 400, 400)
+    found = read_log(LogFile(log.write(tmp_path / "a.bin"), X500)).motors
+    inside = slice(200, -200)
+    wanted = 0.5 + 0.2 * np.sin(2.0 * found.t_s)
+    np.testing.assert_allclose(found.values[inside, 0], wanted[inside], atol=2e-3)
