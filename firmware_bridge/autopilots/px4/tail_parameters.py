@@ -26,7 +26,7 @@ from signals.units import STANDARD_GRAVITY_MPS2
 _PITCH_90 = 24  # SENS_BOARD_ROT
 _INTEGRAL_PER_S = 0.8  # MPC_XY_VEL_I_ACC over MPC_XY_VEL_P_ACC; PX4's defaults have 0.2
 _LIFT_OFF_S, _LIFT_OFF_LEAN_DEG = 1.0, 30.0  # PX4: 3 and 12
-_LEAST_THRUST = 0.24  # over that of hover: PX4's 0.12 with its MPC_THR_HOVER 0.5
+LEAST_THRUST = 0.24  # MPC_THR_MIN over that of hover: PX4's 0.12 with its MPC_THR_HOVER 0.5
 _LANDED_S = 0.5  # PX4: 1
 # Those of PX4, where its airframe of standard VTOLs has its own: no attitude by more thrust, with which it hops on the
 # ground; no weather vane. Its estimator knows no sideslip of a tailsitter (EKF2.cpp).
@@ -64,6 +64,6 @@ def wind_parameters(values: Mapping[str, float]) -> dict[str, float]:
         "MPC_XY_VEL_I_ACC": _INTEGRAL_PER_S * values["MPC_XY_VEL_P_ACC"],
         "MPC_TKO_RAMP_T": _LIFT_OFF_S,
         "MPC_TILTMAX_LND": _LIFT_OFF_LEAN_DEG,
-        "MPC_THR_MIN": _LEAST_THRUST * values["MPC_THR_HOVER"],
+        "MPC_THR_MIN": LEAST_THRUST * values["MPC_THR_HOVER"],
         "LNDMC_TRIG_TIME": _LANDED_S,
     }

@@ -30,7 +30,12 @@ from firmware_bridge.autopilots.px4.rotor_parameters import (
     mock_parameters,
     yaw_rate_gains,
 )
-from firmware_bridge.autopilots.px4.tail_parameters import frame_parameters, turning_parameters, wind_parameters
+from firmware_bridge.autopilots.px4.tail_parameters import (
+    LEAST_THRUST,
+    frame_parameters,
+    turning_parameters,
+    wind_parameters,
+)
 from firmware_bridge.autopilots.px4.wing_parameters import (
     calibration,
     full_torques_nm,
@@ -48,7 +53,6 @@ _KINDS = {
 }
 MOST_TILTS = 4  # CA_SV_TL_COUNT
 _PITCH_BANDWIDTH = 15.0  # of a tiltrotor's elevators [1/s]
-_LEAST_THRUST = 0.24  # MPC_THR_MIN over MPC_THR_HOVER, as PX4's 0.12 and 0.5
 _STIFF_PITCH = {"FW_P_TC": 0.2, "FW_P_RMAX_POS": 120.0}  # PX4's least; twice its 60 deg/s
 _ASIDE_M = 0.01  # PX4's margin (ActuatorEffectivenessTilts)
 _SAME = 1e-3  # commands of tilts that turn together
@@ -169,7 +173,7 @@ def _pitch_loop(vehicle: Vtol) -> dict[str, float]:
 
     In the first half second of a back-transition PX4 gives all rotors the throttle of the flight while the tilts are
     still ahead: those behind lift, and push the nose down with T x. The elevators answer (FW_PR_FF + FW_PR_P) / FW_P_TC
-    per angle. With PX4's FW_P_TC of 0.4 s, of a tiltrotor with 0.7 of their torque, the nose fell by 40 degrees.
+    per angle. With PX4's FW_P_TC of 0.4 s the nose of the tiltrotor fell to 37 degrees below the horizon.
     """
     wing = vehicle.wing
     torque_nm = full_torques_nm(wing)[1]
@@ -187,7 +191,7 @@ def _linear_throttle(vehicle: Vtol) -> dict[str, float]:
     """
     hover = vehicle.hover
     f, u = hover.thrust_model_factor, hover.hover_control
-    least = _LEAST_THRUST * (f * u * u + (1.0 - f) * u)
+    least = LEAST_THRUST * (f * u * u + (1.0 - f) * u)
     least_u = 2.0 * least / (1.0 - f + sqrt((1.0 - f) ** 2 + 4.0 * f * least))
     gains = hover_and_gains(hover)
     return {
