@@ -42,7 +42,8 @@ void bind_radar_synthesis(nb::module_ &m) {
             },
             nb::kw_only(), "center_frequency_hz"_a, "bandwidth_hz"_a, "sample_rate_hz"_a, "repetition_s"_a, "samples"_a,
             "chirps"_a, "tx_positions_m"_a, "rx_positions_m"_a, "doppler_bands"_a, "complex_samples"_a,
-            "hp_cutoff_hz"_a, "aaf_cutoff_hz"_a, "direct"_a, "tolerance"_a, "drop_share"_a, "isa"_a = "", "A cut-off of 0 switches a filter off, 0 bands: time division.")
+            "hp_cutoff_hz"_a, "aaf_cutoff_hz"_a, "direct"_a, "tolerance"_a, "drop_share"_a, "isa"_a = "",
+            "A cut-off of 0 switches a filter off, 0 bands: time division.")
         .def("synthesize", &synthesize, "range_m"_a.noconvert(), "speed_mps"_a.noconvert(), "direction_R"_a.noconvert(),
              "amplitude"_a.noconvert(), "out"_a.noconvert(), "Overwrite out (channels, chirps, samples).");
 }
