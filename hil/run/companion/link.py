@@ -267,6 +267,13 @@ def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[
             calibration |= _mount(view.mount_m, view.mount_rpy_deg, optical=False) | {
                 "chirp": p.chirp.model_dump(mode="json")
             }
+            array = p.antenna.array
+            if array.transmitters > 1:
+                calibration |= {
+                    "tx_positions_m": [list(t) for t in array.tx_positions_m],
+                    "rx_positions_m": [list(r) for r in array.rx_positions_m],
+                    "doppler_bands": array.doppler_bands,
+                }
         elif hasattr(p, "mount_m") and hasattr(p, "mount_rpy_deg"):
             calibration |= _mount(p.mount_m, p.mount_rpy_deg, optical=False)
             if isinstance(p, LidarParameters):

@@ -197,7 +197,8 @@ void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const
     const auto w = static_cast<std::size_t>(width);
     for (int g = 0; g < groups_; ++g) {
         const Transform<Real> transform{
-            model_.group_offset[g], chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
+            model_.group_offset[g],
+            chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
             cells.work.get(), cells.by_chirp.get(), cells.factor.get(),
             grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kChannel * model_.chirps * model_.samples,
             chirp_outer_[w].data(), sample_outer_[w].data(), static_cast<int>(chirp_outer_[w].size()),
@@ -353,7 +354,8 @@ void Synthesis::gather_bands(double *out, Energies &energies) const {
                     const std::size_t group = p * groups + k / kGroup, slot = group * kGroup + k % kGroup;
                     double re = 0.0, im = 0.0;
                     if (grid_used_) {
-                        const double *grid = grid_sum_.get() + (group * chirps * samples + m * samples + n) * kChannel + k % kGroup;
+                        const std::size_t cell = (group * chirps + m) * samples + n;
+                        const double *grid = grid_sum_.get() + cell * kChannel + k % kGroup;
                         re = grid[0];
                         im = grid[kGroup];
                         energies.complex[n % 8] += re * re + im * im;

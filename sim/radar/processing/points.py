@@ -10,6 +10,10 @@ of a moving echo is shifted by its Doppler frequency at the middle of the sweep,
 
     R = range_step (k + d_range) - v f_c / S.
 
+With complex samples, which have no mirror image, two smaller effects count: the smear by range migration
+(migration.py), and the sweep's lower frequency when the echo was sent, which makes its speed v (1 - 2 R S / (c f_c))
+otherwise.
+
 A peak that may be a side lobe of a stronger peak is dropped. The side lobes of the two windows form a cross about a
 peak, and with real samples another cross about its mirror image at minus its range and speed.
 
@@ -24,15 +28,17 @@ speed, and is short by (v - v_apparent) f_c / S.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_asin, det_atan2, det_cos, det_log, det_sin
 from signals.units import TURN_RAD
-from sim.radar.chirp import Chirp
+from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.processing.cfar import Cfar, Indices
 from sim.radar.processing.directions import Directions
+from sim.radar.processing.migration import Migration
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
 from sim.radar.processing.windows import ratio_table, side_lobes
@@ -89,6 +95,10 @@ class PointFinder:
         range_lobes, self._range_null = side_lobes(maps.fast_window, maps.fast_padded, maps.fast_padded // 2)
         speed_lobes, self._speed_null = side_lobes(maps.slow_window, maps.slow_padded, maps.rows // 2)
         self._range_lobes, self._speed_lobes = np.array(range_lobes), np.array(speed_lobes)
+        self._migration: Migration | None = None
+        if not self._mirrored:
+            self._migration = Migration(maps.fast_window, maps.fast_padded, maps.slow_window, maps.slow_padded)
+        self._repetition_s = chirp.repetition_s
 
     def find(self, power: Float32) -> NDArray[np.void]:
         """Return the points of the map that was computed last: a new array of POINT_DTYPE."""
@@ -143,12 +153,27 @@ class PointFinder:
         amplitude = np.sqrt(power.astype(np.float64))
         peak = amplitude[rows, columns]
         faster, slower = amplitude[(rows + 1) % row_count, columns], amplitude[rows - 1, columns]
-        turning = rows - row_count // 2 + _bins_off(self._speed_ratio, slower, peak, faster)
-        speed = self._speed_step_mps * turning
-        speed[speed < -0.5 * self._speed_step_mps * row_count] += self._speed_step_mps * row_count
         offset = _bins_off(self._range_ratio, amplitude[rows, columns - 1], peak, amplitude[rows, columns + 1])
+        speed_offset = _bins_off(self._speed_ratio, slower, peak, faster)
+        phases = np.zeros((len(self._turn_offsets), len(rows)))
+        if self._migration is not None:
+            metres = self._speed_step_mps * (rows - row_count // 2 + speed_offset) * self._repetition_s
+            cells_per_pulse = metres / self._maps.range_step_m
+            read = partial(_bins_off, self._range_ratio), partial(_bins_off, self._speed_ratio)
+            offset, speed_offset = self._migration.corrected((offset, speed_offset), cells_per_pulse, read)
+            if any(self._turn_offsets):
+                for later in set(self._turn_offsets):
+                    found = self._migration.phases((offset, speed_offset), cells_per_pulse, later)
+                    phases[np.array(self._turn_offsets) == later] = found
+        turning = rows - row_count // 2 + speed_offset
+        speed = self._speed_step_mps * turning
+        if self._migration is not None:
+            delay_s = 2.0 * self._maps.range_step_m * (columns + offset) / SPEED_OF_LIGHT_MPS
+            speed = speed / (1.0 - delay_s / self._coupling_s)
+        speed[speed < -0.5 * self._speed_step_mps * row_count] += self._speed_step_mps * row_count
         range_m = self._maps.range_step_m * (columns + offset) - self._coupling_s * speed
-        cells = self._at_one_time(self._maps.spectra(rows, columns), turning / self._maps.slow_padded)
+        cycles = np.outer(self._turn_offsets, turning / self._maps.slow_padded) + phases
+        cells = self._at_one_time(self._maps.spectra(rows, columns), cycles)
         directions = self._directions.find(cells)
         height = power[rows, columns].astype(np.float64)
         snr = np.minimum(height / np.maximum(noise, 1e-20 * height), 1e20)
@@ -164,14 +189,14 @@ class PointFinder:
     def _at_one_time(self, cells: Complex128, cycles: Float64) -> Complex128:
         """Return the channels' values as if their transmitters had taken the same chirps.
 
-        `cycles`: turn of each cell's echo from one of a transmitter's chirps to its next. In real numbers, since
-        numpy's complex product depends on the CPU.
+        `cycles`, (channels, cells): turn of each echo until the turn of the channel's transmitter. In real numbers,
+        since numpy's complex product depends on the CPU.
         """
         if not any(self._turn_offsets):
             return cells
         at_middle = np.empty_like(cells)
-        for k, offset in enumerate(self._turn_offsets):
-            angle = (-TURN_RAD * offset * cycles).tolist()
+        for k, turn in enumerate(cycles):
+            angle = (-TURN_RAD * turn).tolist()
             c, s = np.array([det_cos(a) for a in angle]), np.array([det_sin(a) for a in angle])
             at_middle[k].real = cells[k].real * c - cells[k].imag * s
             at_middle[k].imag = cells[k].real * s + cells[k].imag * c

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from signals.errors import RecordingError
 from sim.radar.chirp import Chirp
+from sim.radar.processing.parameters import power_of_two_from
 from sim.radar.recording import device_config
 from sim.radar.virtual_array import VirtualArray
 
@@ -35,6 +36,7 @@ def npy(array: NDArray[Any]) -> bytes:
 def radar_json(chirp: Chirp, array: VirtualArray, *, rate_hz: float) -> str:
     """Return radar.json, which `hil radar` reads back."""
     rx_antennas, seen = range(1, len(array.rx_positions_m) + 1), array.seen(chirp)
+    rows = power_of_two_from(seen.chirps)
     config: dict[str, Any] = {
         **device_config(chirp, rx_antennas, frame_repetition_s=1.0 / rate_hz),
         "raw": {"dtype": "uint16", "axes": ["receiver", "chirp", "sample"], "unit": "ADC count"},
@@ -42,9 +44,9 @@ def radar_json(chirp: Chirp, array: VirtualArray, *, rate_hz: float) -> str:
             "dtype": "float32",
             "axes": ["speed", "range"],
             "unit": "ADC count squared",
-            "range_step_m": chirp.range_resolution_m,
-            "speed_step_mps": seen.speed_resolution_mps,
-            "zero_speed_row": seen.chirps // 2,
+            "range_step_m": chirp.range_resolution_m * (chirp.samples / power_of_two_from(chirp.samples)),
+            "speed_step_mps": seen.speed_resolution_mps * (seen.chirps / rows),
+            "zero_speed_row": rows // 2,
         },
         "max_range_m": chirp.max_range_m,
         "max_speed_mps": seen.max_speed_mps,
