@@ -4,7 +4,7 @@
 |---|---|---|---|---|---|
 | low | 1 | 1 | no: mean colours | no | 8 |
 | medium | 1 | 1 | yes | no | 16 |
-| high | 1 | 1 | yes | yes | 32 |
+| high | 1 | 1, on outlines 4 of coverage | yes | yes | 32 |
 | epic | 1 | 4 | yes | yes, with ambient occlusion | 64 |
 | cinematic | 2 in width and height | 4 | yes | yes, with ambient occlusion | 64 |
 

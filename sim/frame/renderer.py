@@ -17,7 +17,7 @@ from signals.channels import CHANNELS
 from signals.classes import Classes
 from sim import _kernels
 from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SkyVisibility, SunShadows, mean_of_four
-from sim.frame.camera_model import CameraModel
+from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.derived import fill_of
 from sim.frame.geometry import FrameGeometry
@@ -101,6 +101,10 @@ class FrameRenderer:
         made = (shading.native(), isa)
         self._picture = _picture(geometry, scenery, camera, 1, *made)
         self._supersampled = _picture(geometry, scenery, camera, supersample, *made) if supersample > 1 else None
+        # A lens with a table of rays has none for more pixels than a camera may have.
+        fits = camera.pinhole or 2 * max(camera.width, camera.height) <= MAX_PIXELS_ACROSS
+        smooth = shading.smooth_edges and supersample == 1 and fits
+        self._finer = _picture(geometry, scenery, camera, 2, *made) if smooth else None
         # Buffers of the supersampled picture, and of its reductions by 2 x 2 down to twice the camera's size.
         self._larger_rgb: list[NDArray[np.uint8]] = []
         while supersample > 1:
@@ -152,7 +156,7 @@ class FrameRenderer:
                 scale //= 2
                 mean_of_four(larger[2 * scale * first : 2 * scale * last], smaller[scale * first : scale * last])
         if arrays:
-            self._draw(self._picture, pose, shadows, arrays, first, last)
+            self._draw(self._picture, pose, shadows, arrays, first, last, self._finer)
         for name in derived:
             rows_of = {source: sources[source][first:last] for source in CHANNELS[name].of}
             fill_of(name)(rows_of, self._classes, out[name][first:last])
@@ -165,6 +169,7 @@ class FrameRenderer:
         out: dict[str, NDArray[Any]],
         first: int,
         last: int,
+        finer: Picture | None = None,
     ) -> None:
         picture.take(
             pose.p_WC,
@@ -182,6 +187,7 @@ class FrameRenderer:
             last,
             self.threads,
             self._sky,
+            finer if "rgb" in out else None,
         )
 
 

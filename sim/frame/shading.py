@@ -26,6 +26,9 @@ class Shading:
     highlights: bool = False  # surfaces mirror sun, sky and ground
     relief: bool = False  # textures of normals
     ambient_occlusion: bool = False  # static things keep the ambient light from what is near them
+    # Pixels on outlines of things have the mean of what covers them (sim/native/frame/outlines.hpp). Of no effect where
+    # every pixel takes several samples.
+    smooth_edges: bool = False
     tone: ToneCurve = "linear"
     exposure_ev: float = 0.0  # doublings of the light
     white_balance_k: float = SRGB_WHITE_K
@@ -45,10 +48,19 @@ class Shading:
 PLAIN = Shading()
 MEAN_COLOURS = Shading(textures=False)
 # Half a stop up: cameras meter scenes of grass, asphalt and brick, which are darker than a grey card.
-FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic", exposure_ev=0.5)
+FULL = Shading(filtering=True, highlights=True, relief=True, smooth_edges=True, tone="filmic", exposure_ev=0.5)
 OCCLUDED = replace(FULL, ambient_occlusion=True)
 # Settings that belong to a level of quality.
-LEVELLED = ("textures", "filtering", "highlights", "relief", "ambient_occlusion", "tone", "exposure_ev")
+LEVELLED = (
+    "textures",
+    "filtering",
+    "highlights",
+    "relief",
+    "ambient_occlusion",
+    "smooth_edges",
+    "tone",
+    "exposure_ev",
+)
 
 
 def daylight_rgb(temperature_k: float) -> tuple[float, float, float]:

@@ -270,7 +270,7 @@ void bind_frame(nb::module_ &m) {
             "take",
             [](fr::Picture &self, const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W, const fr::Daylight &light,
                const fr::SunShadows *shadows, const nb::dict &out, float near_t, float far_t, bool frustum, bool occlusion, bool backs,
-               int row0, int row1, int threads, const fr::SkyVisibility *sky) {
+               int row0, int row1, int threads, const fr::SkyVisibility *sky, fr::Picture *finer) {
                 const fr::VisibilityBuffer &b = self.raster().buffer();
                 fr::RasterOptions options;
                 options.near_t = near_t;
@@ -290,9 +290,14 @@ void bind_frame(nb::module_ &m) {
                 o.rgb = channel<std::uint8_t>(out, "rgb", b.height, b.width, 3);
                 const fr::RasterCamera camera = camera_of(p_WC, R_WC, v_W);
                 nb::gil_scoped_release free;
-                self.take(camera, options, light, shadows, sky, o, row0, row1, threads);
+                if (finer != nullptr) {
+                    self.take_smooth(*finer, camera, options, light, shadows, sky, o, row0, row1, threads);
+                } else {
+                    self.take(camera, options, light, shadows, sky, o, row0, row1, threads);
+                }
             },
             "p_WC"_a, "R_WC"_a, "v_WC_W"_a, "light"_a, "shadows"_a.none(), "out"_a, "near_t"_a, "far_t"_a, "frustum"_a,
-            "occlusion"_a, "backs"_a, "row0"_a, "row1"_a, "threads"_a, "sky"_a.none() = nb::none())
+            "occlusion"_a, "backs"_a, "row0"_a, "row1"_a, "threads"_a, "sky"_a.none() = nb::none(),
+            "finer"_a.none() = nb::none(), "Draw the picture. `finer`: the same camera with twice the pixels, to smooth outlines.")
         .def_prop_ro("counts", [](const fr::Picture &p) { return p.raster().counts(); });
 }

@@ -33,8 +33,9 @@ void same(const Channels &a, const Channels &b, int row0, int row1, const char *
     if (!where.empty()) throw Failure(std::string(what) + ": " + where);
 }
 
-// Everything about a camera but its pose, from a seed of its own: made again for another instruction set.
-std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa isa, std::uint64_t seed) {
+// Everything about a camera but its pose, from a seed of its own: made again for another instruction set, and `scale` times
+// as fine.
+std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa isa, std::uint64_t seed, int scale = 1) {
     RandomGenerator rng(seed);
     int width = 1 + rng.below(rng.one_in(3) ? 9 : 100), height = 1 + rng.below(rng.one_in(3) ? 9 : 80);
     if (rng.one_in(12)) width = height = 1;
@@ -42,7 +43,7 @@ std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa i
     if (rng.one_in(60)) width = rng.one_in(2) ? 0 : -3;
     if (rng.one_in(60)) height = rng.one_in(2) ? 1 << 20 : std::numeric_limits<int>::max();
     if (!huge && rng.one_in(3)) {
-        width = std::clamp(width, 1, 200), height = std::clamp(height, 1, 200);
+        width = scale * std::clamp(width, 1, 200), height = scale * std::clamp(height, 1, 200);
         std::vector<double> directions;
         const double wide = rng.uniform(0.1, 3.2);  // half of the field of view: up to all around
         for (int y = 0; y < height; ++y) {
@@ -56,11 +57,10 @@ std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa i
         }
         return std::make_unique<Raster>(geometry, width, height, directions.data(), isa);
     }
-    const double f = rng.number(0.2, 2.0) * width;
-    return std::make_unique<Raster>(geometry, width, height, Projection::kPinhole, f,
-                                    rng.one_in(5) ? rng.number(0.1, 300.0) : f,
-                                    rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * width,
-                                    rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * height, isa);
+    const double f = rng.number(0.2, 2.0) * width, fy = rng.one_in(5) ? rng.number(0.1, 300.0) : f;
+    const double cx = rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * width, cy = rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * height;
+    return std::make_unique<Raster>(geometry, scale * width, scale * height, Projection::kPinhole, scale * f, scale * fy, scale * cx,
+                                    scale * cy, isa);
 }
 
 struct Shot {
@@ -76,6 +76,14 @@ Channels take(Picture &picture, const Shot &shot, unsigned wanted, int row0, int
     Channels channels(b.width, b.height, wanted);
     picture.take(shot.camera, shot.options, shot.light, shot.shadows, shot.sky, channels.outputs(), row0, row1, threads);
     if (!channels.intact()) throw Failure("written beside the outputs");
+    return channels;
+}
+
+Channels take_smooth(Picture &picture, Picture &finer, const Shot &shot, int row0, int row1, int threads) {
+    const VisibilityBuffer &b = picture.raster().buffer();
+    Channels channels(b.width, b.height, kAll);
+    picture.take_smooth(finer, shot.camera, shot.options, shot.light, shot.shadows, shot.sky, channels.outputs(), row0, row1, threads);
+    if (!channels.intact()) throw Failure("smooth outlines: written beside the outputs");
     return channels;
 }
 
@@ -144,6 +152,8 @@ void one(std::uint64_t seed) {
     if (rng.one_in(8)) shot.options.near_t = static_cast<float>(rng.uniform(1e-3, 3.0));
     if (rng.one_in(8)) shot.options.far_t = static_cast<float>(rng.uniform(3.0, 1e5));
     const int height = picture->raster().buffer().height;
+    std::unique_ptr<Picture> finer;
+    if (!huge && rng.one_in(2)) finer = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed, 2), scenery, shading);
     for (int number = 0; number < (huge ? 1 : 3); ++number) {
         stir(rng, geometry);
         if (shadows != nullptr) shadows->update(true);
@@ -153,6 +163,8 @@ void one(std::uint64_t seed) {
         if (huge) continue;
         const auto wanted = static_cast<unsigned>(rng.below(kAll + 1));
         same(whole, take(*picture, shot, wanted, 0, height, 1), 0, height, "other channels asked for");
+        std::unique_ptr<Channels> smooth;
+        if (finer != nullptr) smooth = std::make_unique<Channels>(take_smooth(*picture, *finer, shot, 0, height, 1));
         for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
             if (!has_isa(isa) || isa == best_isa()) continue;
             Picture other(random_raster(geometry, huge, isa, raster_seed), scenery, shading);
@@ -164,6 +176,9 @@ void one(std::uint64_t seed) {
                 again.shadows = sun.get();
             }
             same(whole, take(other, again, kAll, 0, height, 1), 0, height, isa_name(isa));
+            if (smooth == nullptr) continue;
+            Picture other_finer(random_raster(geometry, huge, isa, raster_seed, 2), scenery, shading);
+            same(*smooth, take_smooth(other, other_finer, again, 0, height, 1), 0, height, "smooth outlines, instruction set");
         }
         if (rng.bent) continue;  // threads and rows have bounds of their own
         same(whole, take(*picture, shot, kAll, 0, height, 2 + rng.below(6)), 0, height, "number of threads");
@@ -173,6 +188,11 @@ void one(std::uint64_t seed) {
             const Channels rows = take(*picture, shot, kAll, row0, row1, 1 + rng.below(3));
             same(whole, rows, row0, row1, "rows alone");
             if (!rows.only_rows(row0, row1)) throw Failure("other rows than those asked for are written");
+            if (smooth != nullptr) {
+                const Channels smooth_rows = take_smooth(*picture, *finer, shot, row0, row1, 1 + rng.below(3));
+                same(*smooth, smooth_rows, row0, row1, "smooth outlines, rows alone");
+                if (!smooth_rows.only_rows(row0, row1)) throw Failure("smooth outlines: other rows than those asked for are written");
+            }
         }
         Shot slow = shot;
         slow.options.frustum_culling = false;
@@ -180,6 +200,7 @@ void one(std::uint64_t seed) {
         slow.options = shot.options;
         slow.options.occlusion_culling = false;
         same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "occlusion culling");
+        if (smooth != nullptr) same(*smooth, take_smooth(*picture, *finer, slow, 0, height, 1), 0, height, "smooth outlines, occlusion culling");
         slow.options = shot.options;
         slow.options.hide_backs = false;
         same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "backs of meshes");

@@ -156,6 +156,66 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
 
 void Picture::take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light,
                    const SunShadows *shadows, const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads) {
+    const ResolveJob job = job_of(camera, light, shadows, sky, out);
+    const ResolveKernels &kernels = resolve_kernels(raster_->isa());
+    raster_->draw(camera, options, row0, row1, threads, [&](const Raster::Band &band) {
+        kernels.resolve(part_of(job, band, band.row0, band.row1));
+    });
+}
+
+void Picture::take_smooth(Picture &finer, const RasterCamera &camera, const RasterOptions &options, const Daylight &light,
+                          const SunShadows *shadows, const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads) {
+    if (out.rgb == nullptr) return take(camera, options, light, shadows, sky, out, row0, row1, threads);
+    raster_->check_rows(row0, row1);
+    const VisibilityBuffer &b = raster_->buffer(), &f = finer.raster_->buffer();
+    if (f.width != 2 * b.width || f.height != 2 * b.height) {
+        throw std::invalid_argument("outlines need a picture of twice the width and twice the height");
+    }
+    // The rows above and below, which belong to the picture even if they are not wanted, have edges to these and colours
+    // for their samples.
+    const int drawn0 = std::max(row0 - kBlock, 0), drawn1 = std::min(row1 + kBlock, b.height);
+    const int first = row0 / kBlock, last = ceil_div(row1, kBlock);
+    centres_.resize(3 * static_cast<std::size_t>(b.width) * static_cast<std::size_t>(b.height));
+    ChannelOutputs with_own_rgb = out, rgb_alone;
+    with_own_rgb.rgb = rgb_alone.rgb = centres_.data();
+    const ResolveJob job = job_of(camera, light, shadows, sky, with_own_rgb), beyond = job_of(camera, light, shadows, sky, rgb_alone);
+    const ResolveKernels &kernels = resolve_kernels(raster_->isa());
+    raster_->draw(camera, options, drawn0, drawn1, threads, [&](const Raster::Band &band) {
+        kernels.resolve(part_of(beyond, band, band.row0, std::min(band.row1, first)));
+        kernels.resolve(part_of(job, band, std::max(band.row0, first), std::min(band.row1, last)));
+        kernels.resolve(part_of(beyond, band, std::max(band.row0, last), band.row1));
+    });
+    const auto line = 3 * static_cast<std::ptrdiff_t>(b.width);
+    std::copy(centres_.data() + line * row0, centres_.data() + line * row1, out.rgb + line * row0);
+    outlines_.find(b, drawn0, drawn1, row0, row1);
+    if (outlines_.empty()) return;
+    RasterOptions some = options;
+    some.open = outlines_.finer_blocks(f.blocks_x, f.blocks_y).data();
+    samples_.resize(3 * static_cast<std::size_t>(f.width) * static_cast<std::size_t>(f.height));
+    lanes_.assign(static_cast<std::size_t>(f.blocks_x) * static_cast<std::size_t>(f.blocks_y), 0);
+    ChannelOutputs colour;
+    colour.rgb = samples_.data();
+    ResolveJob shade = finer.job_of(camera, light, shadows, sky, colour);
+    shade.lanes = lanes_.data();
+    finer.raster_->draw(camera, some, 2 * row0, 2 * row1, threads, [&](const Raster::Band &band) {
+        // Two rows of pixels under a row of the finer blocks.
+        const int from = std::max(2 * band.row0, row0), to = std::min(2 * band.row1, row1);
+        if (outlines_.match(f, from, to, lanes_.data())) kernels.resolve(finer.part_of(shade, band, band.row0, band.row1));
+        outlines_.put(centres_.data(), samples_.data(), from, to, out.rgb);
+    });
+}
+
+ResolveJob Picture::part_of(const ResolveJob &job, const Raster::Band &band, int row0, int row1) const {
+    ResolveJob part = job;
+    part.drawn = band.drawn.data();
+    part.drawn_of_geom = band.drawn_of_geom.data();
+    part.row0 = row0;
+    part.row1 = row1;
+    return part;
+}
+
+ResolveJob Picture::job_of(const RasterCamera &camera, const Daylight &light, const SunShadows *shadows, const SkyVisibility *sky,
+                           const ChannelOutputs &out) const {
     ResolveJob job{};
     job.buffer = &raster_->buffer();
     job.rays = &raster_->rays();
@@ -175,15 +235,7 @@ void Picture::take(const RasterCamera &camera, const RasterOptions &options, con
     }
     job.pixel_angle_rad = static_cast<float>(raster_->pixel_angle_rad());
     if (shadows != nullptr && out.rgb != nullptr) shadows->fill(job, camera);
-    const ResolveKernels &kernels = resolve_kernels(raster_->isa());
-    raster_->draw(camera, options, row0, row1, threads, [&](const Raster::Band &band) {
-        ResolveJob part = job;
-        part.drawn = band.drawn.data();
-        part.drawn_of_geom = band.drawn_of_geom.data();
-        part.row0 = band.row0;
-        part.row1 = band.row1;
-        kernels.resolve(part);
-    });
+    return job;
 }
 
 }  // namespace hil::sim::frame

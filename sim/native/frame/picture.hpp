@@ -2,7 +2,9 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
+#include "outlines.hpp"
 #include "raster.hpp"
 #include "resolve.hpp"
 
@@ -43,12 +45,24 @@ public:
     void take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light, const SunShadows *shadows,
               const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads);
 
+    // The same, with the outlines of `rgb` smoothed (outlines.hpp) by samples of `finer`: the same camera and geometry with
+    // twice the pixels along each edge. Throws std::invalid_argument for a picture of another size. Not thread-safe.
+    void take_smooth(Picture &finer, const RasterCamera &camera, const RasterOptions &options, const Daylight &light,
+                     const SunShadows *shadows, const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads);
+
     const Raster &raster() const { return *raster_; }
 
 private:
+    ResolveJob job_of(const RasterCamera &camera, const Daylight &light, const SunShadows *shadows, const SkyVisibility *sky,
+                      const ChannelOutputs &out) const;
+    ResolveJob part_of(const ResolveJob &job, const Raster::Band &band, int row0, int row1) const;  // block rows
+
     std::unique_ptr<Raster> raster_;
     const Scenery &scenery_;
     Shading shading_;
+    Outlines outlines_;
+    std::vector<std::uint8_t> centres_, samples_;  // colour of this picture, of the finer one
+    std::vector<std::uint16_t> lanes_;             // of the finer picture, as in ResolveJob
 };
 
 }  // namespace hil::sim::frame

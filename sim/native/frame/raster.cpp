@@ -327,9 +327,22 @@ private:
 
 }  // namespace
 
+void Raster::blank_open(int row, const RasterOptions &options) {
+    VisibilityBuffer &b = buffer_;
+    for (int x = 0; x < b.blocks_x; ++x) {
+        const auto at = static_cast<std::size_t>(row * b.blocks_x + x);
+        const bool open = options.open[at] != 0;
+        b.farthest[at] = open ? options.far_t : -std::numeric_limits<float>::infinity();
+        if (!open) continue;
+        std::fill_n(&b.t[16 * at], 16, options.far_t);
+        std::fill_n(&b.geom[16 * at], 16, -1);
+    }
+}
+
 void Raster::clear(const Band &band, const RasterOptions &options) {
     VisibilityBuffer &b = buffer_;
     const auto blank = [&](int row, int x0, int x1) {
+        if (options.open != nullptr) return blank_open(row, options);
         const auto from = static_cast<std::size_t>(row * b.blocks_x + x0), count = static_cast<std::size_t>(x1 - x0);
         std::fill_n(&b.t[16 * from], 16 * count, options.far_t);
         std::fill_n(&b.geom[16 * from], 16 * count, -1);
@@ -359,12 +372,16 @@ void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptio
     Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), band).run();
 }
 
-void Raster::draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
-                  const std::function<void(const Band &)> &then) {
+void Raster::check_rows(int row0, int row1) const {
     if (row0 < 0 || row1 > buffer_.height || row0 >= row1 || row0 % kBlock != 0 ||
         (row1 % kBlock != 0 && row1 != buffer_.height)) {
         throw std::invalid_argument("rows must be within the picture, in multiples of 4");
     }
+}
+
+void Raster::draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
+                  const std::function<void(const Band &)> &then) {
+    check_rows(row0, row1);
     const int first = row0 / kBlock, last = ceil_div(row1, kBlock);
     // Threads meet at borders of tiles only.
     const int first_tile = first / kTile, tiles = (last - 1) / kTile + 1 - first_tile;

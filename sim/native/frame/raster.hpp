@@ -48,6 +48,8 @@ struct RasterOptions {
     // Clear only what the previous picture has touched, for pictures of a few moving geoms. Needs one thread, the whole
     // picture and no occlusion culling.
     bool sparse = false;
+    // [blocks]: nothing is seen in those of value 0, and geoms there need no drawing; their pixels are undefined. Null: all.
+    const std::uint8_t *open = nullptr;
 };
 
 struct RasterCounts {  // of the last picture
@@ -78,7 +80,7 @@ struct VisibilityBuffer {
     std::vector<float> t;              // [blocks][16]
     std::vector<std::int32_t> geom;    // [blocks][16], -1: nothing
     std::vector<std::int32_t> triangle;  // [blocks][16], of a mesh
-    std::vector<float> farthest;       // [blocks]
+    std::vector<float> farthest;       // [blocks]; -inf: closed (RasterOptions::open)
     std::vector<float> tile_farthest;  // [tiles], 8 x 8 blocks
     std::vector<std::uint8_t> tile_stale;
 };
@@ -125,6 +127,8 @@ public:
     void draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
               const std::function<void(const Band &)> &then);
 
+    void check_rows(int row0, int row1) const;  // throws std::invalid_argument for rows that `draw` does not take
+
     const VisibilityBuffer &buffer() const { return buffer_; }
     const RayTable &rays() const { return rays_; }
     const Geometry &geometry() const { return geometry_; }
@@ -135,6 +139,7 @@ public:
 private:
     void allocate(int width, int height);
     void clear(const Band &band, const RasterOptions &options);
+    void blank_open(int row, const RasterOptions &options);
     void draw_band(Band &band, const RasterCamera &camera, const RasterOptions &options);
 
     const Geometry &geometry_;

@@ -71,6 +71,8 @@ struct ResolveJob {
     const Scenery *scenery;
     ChannelOutputs out;
     int row0, row1;  // block rows
+    // [blocks]: a bit for each pixel whose surface is wanted; blocks without any are left as they are. Null: all.
+    const std::uint16_t *lanes = nullptr;
     // Light in C.
     float sun_C[3], up_C[3];
     float pixel_angle_rad;  // of one pixel, for the choice of texture level

@@ -319,7 +319,8 @@ HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &
     Vec<F> normals{zero, zero, zero};
     F velocity = zero;
     run.colour[k] = {zero, zero, zero};
-    for (unsigned left = bits(id >= splat<I>(0)); left != 0;) {
+    const unsigned wanted_lanes = job.lanes == nullptr ? 0xffffu : job.lanes[at.block];
+    for (unsigned left = bits(id >= splat<I>(0)) & wanted_lanes; left != 0;) {
         const std::int32_t geom = ids[__builtin_ctz(left)];
         const DrawnGeom &g = job.drawn[job.drawn_of_geom[geom]];
         Surface s;
@@ -406,14 +407,17 @@ void resolve(const ResolveJob &job) {
     FlatFaces faces;
     Run run;
     for (int row = job.row0; row < job.row1; ++row) {
-        for (int first = 0; first < b.blocks_x; first += kRun) {
-            const int last = first + kRun < b.blocks_x ? first + kRun : b.blocks_x;
-            for (int column = first; column < last; ++column) put_labels_and_depth(job, place_of(b, row, column));
+        for (int next = 0; next < b.blocks_x;) {
+            int columns[kRun], count = 0;
+            for (; next < b.blocks_x && count < kRun; ++next) {
+                if (job.lanes == nullptr || job.lanes[row * b.blocks_x + next] != 0) columns[count++] = next;
+            }
+            for (int k = 0; k < count; ++k) put_labels_and_depth(job, place_of(b, row, columns[k]));
             if (!out.rgb && !out.normal && !out.radial_velocity) continue;
-            for (int column = first; column < last; ++column) put_surfaces(job, place_of(b, row, column), faces, run, column - first);
+            for (int k = 0; k < count; ++k) put_surfaces(job, place_of(b, row, columns[k]), faces, run, k);
             if (!out.rgb) continue;
             put_texels(run);
-            for (int column = first; column < last; ++column) put_colour(job, place_of(b, row, column), run.colour[column - first]);
+            for (int k = 0; k < count; ++k) put_colour(job, place_of(b, row, columns[k]), run.colour[k]);
         }
     }
 }

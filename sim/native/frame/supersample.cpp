@@ -24,19 +24,32 @@ struct Curves {
     }
 };
 
+const Curves &curves() {
+    static const Curves made;
+    return made;
+}
+
 }  // namespace
 
+void mean_of_pixels(const std::uint8_t *const *pixel, std::uint8_t *out) {
+    const Curves &curve = curves();
+    for (int i = 0; i < 3; ++i) {
+        const int sum = curve.linear[pixel[0][i]] + curve.linear[pixel[1][i]] + curve.linear[pixel[2][i]] + curve.linear[pixel[3][i]];
+        out[i] = curve.code[static_cast<std::size_t>(sum)];
+    }
+}
+
 void mean_of_four(const std::uint8_t *fine, int width, int height, std::uint8_t *out) {
-    static const Curves curves;
+    const Curves &curve = curves();
     const std::size_t row = 6 * static_cast<std::size_t>(width);
     for (int y = 0; y < height; ++y) {
         const std::uint8_t *top = fine + 2 * static_cast<std::size_t>(y) * row, *bottom = top + row;
         for (int x = 0; x < width; ++x) {
             for (int i = 0; i < 3; ++i) {
                 const int at = 6 * x + i;
-                const int sum = curves.linear[top[at]] + curves.linear[top[at + 3]] + curves.linear[bottom[at]] +
-                                curves.linear[bottom[at + 3]];
-                *out++ = curves.code[static_cast<std::size_t>(sum)];
+                const int sum = curve.linear[top[at]] + curve.linear[top[at + 3]] + curve.linear[bottom[at]] +
+                                curve.linear[bottom[at + 3]];
+                *out++ = curve.code[static_cast<std::size_t>(sum)];
             }
         }
     }

@@ -2,7 +2,8 @@
 
     scenes        city_park, urban_delivery, training_village, radar_range, each from random flight-like viewpoints
     vehicles      21 vehicles of three kinds, with random states in each view
-    channels      depth | depth + segmentation | colour + depth + segmentation | the same with shadows | all
+    channels      depth | depth + segmentation | colour + depth + segmentation | the same with shadows, and at quality
+                  high with sharp and with smooth outlines | all
     resolutions   160 x 120 to 1280 x 720, 90 degrees across
     geoms         fields of 100 to 20,000; 20,000 with 200 visible, compared with those 200 alone
 
@@ -22,6 +23,7 @@ The error of a row is the 99th percentile of the depth error against mj_ray, awa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import mujoco
@@ -45,6 +47,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_buffers_for
 from sim.frame.renderer import FrameRenderer
+from sim.frame.shading import FULL, PLAIN, Shading
 
 Pictures = dict[str, NDArray]
 _FOV_DEG = 90.0
@@ -52,12 +55,14 @@ _RESOLUTIONS = ((160, 120), (320, 240), (640, 480), (1280, 720))
 _MAIN_RESOLUTION = (320, 240)
 _GEOM_COUNTS = (100, 300, 1000, 3000, 10_000, 20_000)
 _COLOUR = ("rgb", "depth", "segmentation")
-_CHANNEL_SETS: dict[str, tuple[tuple[str, ...], bool]] = {  # channels, shadows
-    "depth": (("depth",), False),
-    "depth + segmentation": (("depth", "segmentation"), False),
-    "colour + depth + segmentation": (_COLOUR, False),
-    "colour + depth + segmentation, shadows": (_COLOUR, True),
-    "all channels": (tuple(CHANNELS), False),
+_CHANNEL_SETS: dict[str, tuple[tuple[str, ...], bool, Shading]] = {  # channels, shadows, shading
+    "depth": (("depth",), False, PLAIN),
+    "depth + segmentation": (("depth", "segmentation"), False, PLAIN),
+    "colour + depth + segmentation": (_COLOUR, False, PLAIN),
+    "colour + depth + segmentation, shadows": (_COLOUR, True, PLAIN),
+    "colour + depth + segmentation, quality high, sharp outlines": (_COLOUR, True, replace(FULL, smooth_edges=False)),
+    "colour + depth + segmentation, quality high": (_COLOUR, True, FULL),
+    "all channels": (tuple(CHANNELS), False, PLAIN),
 }
 _LONG_PICTURE_S = 1.0
 _PIXELS = 20_000  # compared with mj_ray in each scene, away from silhouettes
@@ -73,9 +78,11 @@ class ThisRaster:
 
     name = "this project"
 
-    def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> None:
+    def __init__(
+        self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool, shading: Shading = PLAIN
+    ) -> None:
         self._geometry = FrameGeometry(case.world)
-        self._renderer = FrameRenderer(self._geometry, camera, shadows=shadows)
+        self._renderer = FrameRenderer(self._geometry, camera, shadows=shadows, shading=shading)
         self._out = buffers(camera, channels)
 
     def pose(self, view: View) -> None:
@@ -190,9 +197,9 @@ class _Measurement:
             camera = CameraModel.from_fov(*size, _FOV_DEG)
             pixels = _PIXELS if size == _MAIN_RESOLUTION else 4000
             size_errors[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
-            for label, (channels, shadows) in _CHANNEL_SETS.items():
+            for label, (channels, shadows, shading) in _CHANNEL_SETS.items():
                 if not self.quick or is_first or (channels == _COLOUR and not shadows):
-                    times_s = self._times(case, camera, channels, shadows=shadows)
+                    times_s = self._times(case, camera, channels, shadows=shadows, shading=shading)
                     if size == _MAIN_RESOLUTION:
                         self.times[name, label] = times_s
                     self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", times_s, size_errors[size])
@@ -245,16 +252,23 @@ class _Measurement:
         took_ms = 1e3 * self.times[park, "all channels"][ThisRaster.name]
         return [*checks, Check(f"{park}, all channels, no shadows", took_ms, "<=", 2.0, "ms", "speed")]
 
-    def _methods(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> list[Method]:
-        methods: list[Method] = [ThisRaster(case, camera, channels, shadows=shadows)]
+    def _methods(
+        self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool, shading: Shading = PLAIN
+    ) -> list[Method]:
+        methods: list[Method] = [ThisRaster(case, camera, channels, shadows=shadows, shading=shading)]
         too_slow = self.quick and case.world.model.ngeom > 2000  # a picture takes seconds
-        if self.with_mujoco and not too_slow and set(channels) <= set(_COLOUR):
+        comparable = set(channels) <= set(_COLOUR) and shading == PLAIN
+        if self.with_mujoco and not too_slow and comparable:
             methods.append(MujocoRenderer(case, camera, channels, shadows=shadows))
         return methods
 
-    def _times(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> dict[str, float]:
+    def _times(
+        self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool, shading: Shading = PLAIN
+    ) -> dict[str, float]:
         self.status(f"{case.name}: {', '.join(channels)}, {camera.width} x {camera.height}")
-        methods = {method.name: method for method in self._methods(case, camera, channels, shadows=shadows)}
+        methods = {
+            method.name: method for method in self._methods(case, camera, channels, shadows=shadows, shading=shading)
+        }
         views = case.views[:4] if camera.width > 640 else case.views
         times_s = _mean_times(methods, views, rounds=4 if self.quick else 10)
         for method in methods.values():
