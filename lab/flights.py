@@ -30,7 +30,7 @@ from hil.apps.bench_suite.options import read_lists
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
 from hil.apps.identify.fit.prediction import HORIZONS_S, LEARNING_S, Grid, Predictor
 from hil.apps.identify.plausibility import check_one_vehicle
-from hil.apps.identify.preparation import checked_flights, with_measured_voltage
+from hil.apps.identify.preparation import checked_flights, refuse_other_vehicles, with_measured_voltage
 from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.flight_logs.log_format import LogFile, read_log
 from lab.flights_force import LIMITS, add_specific_force
@@ -70,6 +70,7 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
                            for key in lacking])  # fmt: skip
     folder, vehicle_file = Path(given["logs"][0]), given["vehicle"][0]
     vehicle = load_vehicle(vehicle_file)
+    refuse_other_vehicles(vehicle)
     files = _files(folder)
     left_out = []
     if quick and len(files) > _QUICK_LOGS:

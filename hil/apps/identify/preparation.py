@@ -44,9 +44,7 @@ def prepare(
     progress: Callable[[float, str], None],
 ) -> Prepared:
     """Read and check logs. Raises ConfigError with the problems of all of them."""
-    wrong = unfit(vehicle) or uneven(vehicle)
-    if wrong is not None:
-        raise ConfigError([Problem(f"vehicle {vehicle.name!r}", f"{wrong[0]} {wrong[1]}")])
+    refuse_other_vehicles(vehicle)
     _refuse_twice_named(paths)
     flights: list[FlightLog] = []
     whole: list[FlightLog] = []
@@ -74,6 +72,13 @@ def prepare(
     if not any(excitation.parameters[i].excited for i in (THRUST, ROLL, PITCH)):
         raise ConfigError([_too_quiet(used, excitation), *notes])
     return Prepared(used, whole, notes, [delays_of(flight, vehicle) for flight in used], excitation)
+
+
+def refuse_other_vehicles(vehicle: Vehicle) -> None:
+    """Raise ConfigError for a vehicle that the fit's model does not describe: a plane, or rotors that tilt."""
+    wrong = unfit(vehicle) or uneven(vehicle)
+    if wrong is not None:
+        raise ConfigError([Problem(f"vehicle {vehicle.name!r}", f"{wrong[0]} {wrong[1]}")])
 
 
 def _files(problems: Sequence[Problem]) -> set[str]:

@@ -192,6 +192,8 @@ def test_flights_refuses_three_seconds_and_wrong_options(tmp_path: Path) -> None
     csv_file(tmp_path / "a.csv", motion_of(short.between(6.0, 7.2, "short")))
     with pytest.raises(ConfigError, match=r"has no free flight of more than 1.5 s \(found: 6.00 to 7.20 s\)"):
         judged(tmp_path)
+    with pytest.raises(ConfigError, match="vehicle 'tiltrotor': tilts turns rotors by servos"):
+        judged(tmp_path, vehicle="tiltrotor")
     for every in ("0", "x", "1.5", ""):
         with pytest.raises(ConfigError, match="--set every: must be a whole number from 1"):
             judged(tmp_path, every=every)
