@@ -21,7 +21,8 @@ const SynthesisKernels &synthesis_kernels(Isa isa) { return kernels_by_isa(isa);
 
 namespace {
 
-constexpr double kFirstError = 0.62;  // planned error / tolerance, so that most frames pass in the first round
+// Planned error / tolerance, so that most frames pass in the first round. Complex samples do not lose half of the power.
+constexpr double kFirstError = 0.62, kFirstComplexError = 0.88;
 constexpr double kLeastError = 2.0 * kRounding;  // smaller errors need the direct sum
 constexpr int kMostRounds = 5;
 constexpr double kGrown = 1.3;  // growth beyond / within the frame that counts
@@ -132,6 +133,7 @@ Synthesis::Synthesis(const ChirpFigures &chirp, const ArrayFigures &array, doubl
       tolerance_(tolerance),
       drop_share_(drop_share),
       complex_(array.complex_samples),
+      first_error_(complex_ ? kFirstComplexError : kFirstError),
       bands_(array.doppler_bands),
       coherent_(bands_ > 0 ? std::sqrt(static_cast<double>(model_.transmitters)) : 1.0),
       band_phase_(bands_ > 0 ? twiddles<double>(bands_) : std::vector<double>()),
@@ -258,7 +260,7 @@ std::size_t Synthesis::drop(std::size_t count, const Weighing &weighing, double 
     sum = 0.0;
     // ||x|| is about sqrt(S M N K / 2), S the sum of squared weights, and the dropped ones are at most sum |w| sqrt(M N K).
     // With bands, the transmitters' shares of a sample may be in phase.
-    const double allowed = kFirstError * drop_share_ * tolerance_ / coherent_ * std::sqrt(0.5 * weighing.sum_squares);
+    const double allowed = first_error_ * drop_share_ * tolerance_ / coherent_ * std::sqrt(0.5 * weighing.sum_squares);
     const double limit = allowed * allowed;  // stronger echoes are never dropped
     const std::size_t candidates = kernels_.count_below(weight_squared_.data(), weight_squared_.size(), limit);
     if (static_cast<double>(candidates) < kWorthDropping * static_cast<double>(count)) return 0;
@@ -458,7 +460,7 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
     const double expected = std::sqrt(0.5 * weighing.sum_squares) * samples;
     double dropped_sum = 0.0;
     std::size_t dropped = drop_share_ > 0.0 ? drop(count, weighing, dropped_sum) : 0;
-    double error = kFirstError * tolerance_ / coherent_ * (dropped > 0 ? 1.0 - drop_share_ : 1.0);
+    double error = first_error_ * tolerance_ / coherent_ * (dropped > 0 ? 1.0 - drop_share_ : 1.0);
     for (report.rounds = 1;; ++report.rounds) {
         report.terms = report.panels = 0;
         report.direct = 0;

@@ -118,6 +118,7 @@ private:
     bool direct_;
     double tolerance_, drop_share_;
     bool complex_;
+    double first_error_;
     int bands_;             // Doppler division; 0: time division
     double coherent_;       // greatest sum of the transmitters' errors in a sample, in root mean squares of one
     std::vector<double> band_phase_;  // cos, sin of j / bands_ cycles
