@@ -101,10 +101,9 @@ class FrameRenderer:
         made = (shading.native(), isa)
         self._picture = _picture(geometry, scenery, camera, 1, *made)
         self._supersampled = _picture(geometry, scenery, camera, supersample, *made) if supersample > 1 else None
-        # A lens with a table of rays has none for more pixels than a camera may have.
-        fits = camera.pinhole or 2 * max(camera.width, camera.height) <= MAX_PIXELS_ACROSS
-        smooth = shading.smooth_edges and supersample == 1 and fits
-        self._finer = _picture(geometry, scenery, camera, 2, *made) if smooth else None
+        self._finer: Picture | None = None
+        if shading.smooth_edges and supersample == 1 and _has_samples(camera):
+            self._finer = _picture(geometry, scenery, camera, 2, *made)
         # Buffers of the supersampled picture, and of its reductions by 2 x 2 down to twice the camera's size.
         self._larger_rgb: list[NDArray[np.uint8]] = []
         while supersample > 1:
@@ -199,6 +198,19 @@ def _edges(camera: CameraModel) -> tuple[float, float, float, float]:
         (-camera.cy - 1.0) / camera.fy,
         (camera.height + 1.0 - camera.cy) / camera.fy,
     )
+
+
+def _has_samples(camera: CameraModel) -> bool:
+    """Return True if the camera has rays at the quarters of its pixels: a lens may end between them and the centres."""
+    if camera.pinhole:
+        return True
+    if 2 * max(camera.width, camera.height) > MAX_PIXELS_ACROSS:
+        return False
+    try:
+        camera.scaled(2).rays()
+    except ValueError:
+        return False
+    return True
 
 
 def _picture(

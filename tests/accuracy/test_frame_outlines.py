@@ -156,3 +156,16 @@ def test_a_picture_without_outlines_is_as_before(geometry: FrameGeometry) -> Non
     up = camera_pose(np.array([0.0, 0.0, 40.0]), looking(0.0, -90.0))
     sharp, smooth = (picture(FrameRenderer(geometry, PINHOLE, shading=s), up, "rgb") for s in (SHARP, SMOOTH))
     assert np.array_equal(sharp["rgb"], smooth["rgb"])
+
+
+def test_a_lens_that_ends_within_its_outermost_pixels_keeps_its_sharp_outlines(
+    park: Case, geometry: FrameGeometry
+) -> None:
+    """This lens has no rays beyond 3.45 focal lengths; its outermost centres are at 3.443, their samples at 3.461."""
+    camera = CameraModel.from_opencv(100, 100, 20.33, 20.33, 49.5, 49.5, KannalaBrandt(0.01, 0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="cannot be inverted"):
+        camera.scaled(2).rays()
+    view = park.views[0]
+    geometry.pose(view.t_ns)
+    sharp, smooth = (picture(FrameRenderer(geometry, camera, shading=s), view.pose, "rgb") for s in (SHARP, SMOOTH))
+    assert np.array_equal(sharp["rgb"], smooth["rgb"])
