@@ -10,13 +10,13 @@ import math
 from typing import List, Sequence
 
 from hil_companion.detections import Found
-from hil_companion.locate.existence import object_odds
+from hil_companion.locate.existence import Evidences
 from hil_companion.locate.partition import Partition
 from hil_companion.locate.tracks import FIX_SIGMA_M, Track
 
 _LEAST_JOINED = 2  # sightings of a track that can be joined and reported
 _ONE_PLACE_M = 1.5
-_LONG = 0.5  # of the sightings of the longest track: those of a shorter one may be of another object
+_LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
 _AGAIN = 4
 
 
@@ -27,8 +27,8 @@ class Group:
         self.tracks = list(tracks)
 
     @property
-    def evidence(self) -> float:
-        return sum(track.evidence for track in self.tracks)
+    def odds(self) -> float:
+        return sum((track.evidence for track in self.tracks), Evidences()).odds
 
     @property
     def walks(self) -> bool:
@@ -41,10 +41,10 @@ class Group:
     def found(self) -> Found | None:
         """Return the object; None without enough evidence."""
         first, sightings = self.tracks[0], sum(track.sightings for track in self.tracks)
-        if object_odds(self.evidence, sightings) < 0.0:
+        if self.odds < 0.0:
             return None
-        most = max(track.evidence for track in self.tracks)
-        long = [track for track in self.tracks if track.evidence >= _LONG * most]
+        most = max(track.surety for track in self.tracks)
+        long = [track for track in self.tracks if track.surety >= most - (1.0 - _LONG) * abs(most)]
         if self.walks:
             last = max(long, key=lambda t: (min(0.0, FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
         else:
@@ -58,7 +58,7 @@ def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> 
     """Return True if another still object with more evidence is at the same place: two boxes on one person."""
     return not group.walks and any(
         other.stands
-        and other.evidence > group.evidence
+        and other.odds > group.odds
         and other_obj.label == obj.label
         and math.dist(obj.p_W[:2], other_obj.p_W[:2]) < _ONE_PLACE_M
         for other, other_obj in known

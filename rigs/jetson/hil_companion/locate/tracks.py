@@ -24,6 +24,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from hil_companion.locate.appearance import Appearance, appearance_ratio
+from hil_companion.locate.existence import Evidence, Evidences
 from hil_companion.locate.looks import look_difference, median_look
 
 _ACCEL, _STANDING_ACCEL, _STROLL = 0.35, 0.12, 0.08
@@ -40,6 +41,8 @@ FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than
 _FIX_LOOK = 17.0  # a sighting with a greater difference of looks does not change the reported position
 _WEAK_S = 12.0  # a track of one sighting, or of unsure ones only, is dropped after this time
 
+_SURE = Evidence(1.0)
+
 
 @dataclass(frozen=True)
 class Sighting:
@@ -49,12 +52,12 @@ class Sighting:
     p_W: tuple[float, float, float]
     cov: np.ndarray  # (2, 2) of x and y [m2]
     look: np.ndarray | None = None  # by `look_of`
-    evidence: float = 1.0  # by `sighting_evidence`
+    evidence: Evidence = _SURE  # by `sighting_evidence`
 
     @property
     def sure(self) -> bool:
         """Return True if the box is rather of an object than of something else."""
-        return self.evidence >= 0.0
+        return self.evidence.best >= 0.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,8 @@ class Track:
         self.first_ns = self.t_ns = t_ns
         self.pictures = {picture}
         self.sightings, self.sure = 1, int(seen.sure)
-        self.evidence = seen.evidence
+        self.evidence = Evidences()
+        self.evidence.add(seen.evidence)
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.zeros((4, 4))
@@ -89,6 +93,11 @@ class Track:
     @property
     def sigma_m(self) -> float:
         return math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.cov[:2, :2])[-1])))
+
+    @property
+    def surety(self) -> float:
+        """Return the evidence of all sightings, for the likelier posture."""
+        return max(self.evidence.upright, self.evidence.seated)
 
     @property
     def speed_mps(self) -> float:
@@ -163,7 +172,7 @@ class Track:
         self.closest_m = min(self.closest_m, math.sqrt(float(np.linalg.eigvalsh(seen.cov)[-1])))
         self.sightings += 1
         self.sure += seen.sure
-        self.evidence += seen.evidence
+        self.evidence.add(seen.evidence)
         self.z_m += (seen.p_W[2] - self.z_m) / self.sightings
         self.pictures.add(picture)
         self._add_looks([] if seen.look is None else [seen.look])
