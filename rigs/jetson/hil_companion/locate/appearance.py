@@ -34,7 +34,7 @@ _DARK = 0.002
 _MEAN = np.array([-3.4, 0.1, 0.2, 0.1, 0.0, 0.05])
 _BETWEEN = np.array([0.85, 1.3, 0.7, 0.6, 0.3, 0.5]) ** 2
 _WITHIN = np.array([0.40, 0.35, 0.06, 0.07, 0.06, 0.07]) ** 2
-_FEW, _ODD, _LEADERS = 3.0, 0.12, 3
+_FEW, _ODD, _LEADERS = 3.0, 0.12, 4
 _DIM = -4.7  # mean u of a part below which noise blurs its hue
 _BLOCKS = ((0, 1), (2, 3), (4, 5))  # contrasts that are odd together: the light's, the upper part's, the lower part's
 

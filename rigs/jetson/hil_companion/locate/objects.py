@@ -14,8 +14,8 @@ from hil_companion.locate.existence import Evidences
 from hil_companion.locate.partition import Partition
 from hil_companion.locate.tracks import FIX_SIGMA_M, Track
 
-_LEAST_JOINED = 2  # sightings of a track that can be joined and reported
-_ONE_PLACE_M = 1.5
+_LEAST_JOINED, _LEAST_SURETY = 2, 2.0  # sightings and evidence of a track that can be joined and reported
+_ONE_PLACE_M, _TWO_SURE = 1.5, 5.0  # log-odds from which an object so near to another one is a second person
 _LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
 _AGAIN = 4
 
@@ -32,11 +32,18 @@ class Group:
 
     @property
     def walks(self) -> bool:
-        return any(track.walks for track in self.tracks)
+        """Return True if most sightings are of tracks that walk rather than stand."""
+        return sum(t.sightings * (t.walks - t.stands) for t in self.tracks) > 0
 
-    @property
-    def stands(self) -> bool:
-        return any(track.stands for track in self.tracks)
+    def share_at(self, p_W: Sequence[float]) -> float:
+        """Return the share of the sightings in tracks that begin or end at a place."""
+
+        def near(track: Track) -> bool:
+            ends = (track.first.state, track.state)
+            return any(math.dist((x, y), p_W[:2]) < _ONE_PLACE_M for x, y in (state[:2].tolist() for state in ends))
+
+        total = sum(track.sightings for track in self.tracks)
+        return sum(track.sightings for track in self.tracks if near(track)) / total
 
     def found(self) -> Found | None:
         """Return the object; None without enough evidence."""
@@ -55,12 +62,12 @@ class Group:
 
 
 def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> bool:
-    """Return True if another still object with more evidence is at the same place: two boxes on one person."""
-    return not group.walks and any(
-        other.stands
-        and other.odds > group.odds
+    """Return True if it is a second box on somebody: doubtful, and mostly at the place of a surer still object."""
+    return group.odds < _TWO_SURE and any(
+        other.odds > group.odds
         and other_obj.label == obj.label
-        and math.dist(obj.p_W[:2], other_obj.p_W[:2]) < _ONE_PLACE_M
+        and other.share_at(other_obj.p_W) > 0.5
+        and group.share_at(other_obj.p_W) >= 0.5
         for other, other_obj in known
     )
 
@@ -82,7 +89,11 @@ class Objects:
 
     def groups(self, tracks: Sequence[Track]) -> list[Group]:
         """Return the tracks joined to objects."""
-        joinable = {track.number: track for track in tracks if track.sightings >= _LEAST_JOINED}
+        joinable = {
+            track.number: track
+            for track in tracks
+            if track.sightings >= _LEAST_JOINED and track.surety >= _LEAST_SURETY
+        }
         self._calls += 1
         if self._known != set(joinable) or self._calls % _AGAIN == 0:
             self._known = set(joinable)

@@ -28,10 +28,11 @@ from hil_companion.locate.existence import Evidence, Evidences
 from hil_companion.locate.looks import look_difference, median_look
 
 _ACCEL, _STANDING_ACCEL, _STROLL = 0.35, 0.12, 0.08
+_BEGINS_SEEN = 4  # sightings that say where a track begins
 _FIRST_SPEED_MPS, _MAX_SPEED_MPS = 0.9, 2.5
 _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _STAYS_MPS, _STAYS_M, _STANDS_M = 0.3, 1.0, 2.5  # an object that moved less than this since its first sighting stands
-_WALKS_MPS, _WALKED_M = 0.5, 2.0
+_WALKS_MPS, _WALKED_M, _WALKED_SIGMAS = 0.5, 1.5, 2.0
 _GATE = 3.3
 _ABSENT_S, _AWAY_S = 1.6, 4.0
 _LEAST_ALIKE = -2.5  # ln ratio of the appearance of a sighting and its track, one object against two
@@ -112,7 +113,7 @@ class Track:
     @property
     def walks(self) -> bool:
         """Return True if the object has moved and still moves."""
-        return self.extent_m > _WALKED_M and self.speed_mps > _WALKS_MPS
+        return self.extent_m > _WALKED_M + _WALKED_SIGMAS * self.first.sigma_m and self.speed_mps > _WALKS_MPS
 
     @property
     def stands(self) -> bool:
@@ -168,6 +169,9 @@ class Track:
         if self.speed_mps > _MAX_SPEED_MPS:
             self.state[2:] *= _MAX_SPEED_MPS / self.speed_mps
         self.extent_m = max(self.extent_m, float(np.hypot(*(self.state[:2] - self.first.state[:2]))))
+        if self.sightings < _BEGINS_SEEN:  # the first sighting alone may have a wrong range
+            begun = self.state[:2] - self.state[2:] * ((t_ns - self.first_ns) * 1e-9)
+            self.first = Fix(self.first_ns, np.concatenate([begun, self.state[2:]]), self.sigma_m)
         self.t_ns = t_ns
         self.closest_m = min(self.closest_m, math.sqrt(float(np.linalg.eigvalsh(seen.cov)[-1])))
         self.sightings += 1
