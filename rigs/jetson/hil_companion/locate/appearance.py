@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Sequence
+from typing import Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -34,9 +34,18 @@ _DARK = 0.002
 _MEAN = np.array([-3.4, 0.1, 0.2, 0.1, 0.0, 0.05])
 _BETWEEN = np.array([0.85, 1.3, 0.7, 0.6, 0.3, 0.5]) ** 2
 _WITHIN = np.array([0.40, 0.35, 0.06, 0.07, 0.06, 0.07]) ** 2
-_FEW, _ODD, _LEADERS = 3.0, 0.12, 4
+_FEW, _ODD, _LEADERS = 3.0, 0.2, 4
 _DIM = -4.7  # mean u of a part below which noise blurs its hue
-_BLOCKS = ((0, 1), (2, 3), (4, 5))  # contrasts that are odd together: the light's, the upper part's, the lower part's
+_OF_HUE = 0.15  # deviation of a strong hue, as a share of it: `_DARK` weakens it in the shade
+_COMMON_SIGMA = 0.1
+Common = Tuple[float, Tuple[float, float]]  # share of the people, and r - g and b - g, of a common hue
+_NEUTRAL, _DENIM, _KHAKI = (0.0, 0.12), (-0.5, 0.9), (0.25, -0.5)
+# Contrasts that are odd together, of the light, of the upper and of the lower part, with the common hues of clothes.
+_BLOCKS: Sequence[Tuple[Tuple[int, int], Sequence[Common]]] = (
+    ((0, 1), ()),
+    ((2, 3), ((0.4, _NEUTRAL),)),
+    ((4, 5), ((0.35, _NEUTRAL), (0.25, _DENIM), (0.12, _KHAKI))),
+)
 
 
 def tone_of(look: np.ndarray) -> np.ndarray:
@@ -70,6 +79,8 @@ class Appearance:
         for part, mean in ((slice(2, 4), upper), (slice(4, 6), lower)):
             if math.isfinite(mean):
                 variance[part] *= 1.0 + math.exp(min(4.0, 2.0 * (_DIM - mean)))
+        strong = np.nan_to_num(contrasts[2:])
+        variance[2:] += (_OF_HUE * strong) ** 2
         return Appearance(contrasts, variance, sightings)
 
 
@@ -91,16 +102,26 @@ def _ratio(tracks: Sequence[Appearance]) -> float:
         x = np.where(known, x, _MEAN)
         weight = np.where(known, 1.0, 0.0)
         if k:
-            ratios = _log_normal(x - mean, 1.0 / precision + v) - _log_normal(x - _MEAN, _BETWEEN + v)
-            for block in _BLOCKS:
+            alike = _log_normal(x - mean, 1.0 / precision + v)
+            for block, common in _BLOCKS:
                 seen = [c for c in block if known[c]]
                 if seen:
-                    own = (1.0 - _ODD) * math.exp(float(ratios[seen].sum()))
+                    own = (1.0 - _ODD) * math.exp(float(alike[seen].sum()) - _log_anyone(x, v, seen, common))
                     total += math.log(own + _ODD)
                     weight[seen] = own / (own + _ODD)
         mean = (precision * mean + weight * x / v) / (precision + weight / v)
         precision = precision + weight / v
     return total
+
+
+def _log_anyone(x: np.ndarray, v: np.ndarray, seen: Sequence[int], common: Sequence[Common]) -> float:
+    """Return the logarithm of the density of these contrasts among all people."""
+    off = x[seen] - _MEAN[seen]
+    density = (1.0 - sum(share for share, _ in common)) * math.exp(float(_log_normal(off, _BETWEEN[seen] + v[seen]).sum()))
+    for share, hue in common:
+        off = x[seen] - np.array(hue)[: len(seen)]
+        density += share * math.exp(float(_log_normal(off, _COMMON_SIGMA**2 + v[seen]).sum()))
+    return math.log(max(density, 1e-30))
 
 
 def _log_normal(off: np.ndarray, variance: np.ndarray) -> np.ndarray:

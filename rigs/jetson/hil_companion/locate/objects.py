@@ -15,7 +15,10 @@ from hil_companion.locate.partition import Partition
 from hil_companion.locate.tracks import FIX_SIGMA_M, Track
 
 _LEAST_JOINED, _LEAST_SURETY = 2, 2.0  # sightings and evidence of a track that can be joined and reported
-_ONE_PLACE_M, _TWO_SURE = 1.5, 5.0  # log-odds from which an object so near to another one is a second person
+_ONE_PLACE_M = 1.5
+# Log-odds from which an object so near to another one may be a second person, and the share of its pictures that show
+# both up to which it is the same one.
+_TWO_SURE, _SELDOM = 8.0, 0.25
 _LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
 _AGAIN = 4
 
@@ -45,6 +48,11 @@ class Group:
         total = sum(track.sightings for track in self.tracks)
         return sum(track.sightings for track in self.tracks if near(track)) / total
 
+    def share_with(self, other: Group) -> float:
+        """Return the share of this object's pictures that show the other one too."""
+        mine, others = (frozenset().union(*(t.pictures for t in g.tracks)) for g in (self, other))
+        return len(mine & others) / len(mine)
+
     def found(self) -> Found | None:
         """Return the object; None without enough evidence."""
         first, sightings = self.tracks[0], sum(track.sightings for track in self.tracks)
@@ -62,9 +70,11 @@ class Group:
 
 
 def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> bool:
-    """Return True if it is a second box on somebody: doubtful, and mostly at the place of a surer still object."""
-    return group.odds < _TWO_SURE and any(
+    """Return True if it is a second box on somebody: mostly at the place of a surer still object, and doubtful or
+    seldom seen beside it."""
+    return any(
         other.odds > group.odds
+        and (group.odds < _TWO_SURE or group.share_with(other) <= _SELDOM)
         and other_obj.label == obj.label
         and other.share_at(other_obj.p_W) > 0.5
         and group.share_at(other_obj.p_W) >= 0.5

@@ -21,7 +21,7 @@ from hil_companion.locate.appearance import Appearance, appearance_ratio
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_PRIOR = -0.5  # about ten people may be the one who appears
+_PRIOR = 0.0  # ln of the odds that two tracks are of one object, before anything is known of them
 _LEAST_GAIN = 1e-9
 _ROUNDS = 200
 
