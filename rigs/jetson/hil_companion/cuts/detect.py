@@ -22,7 +22,15 @@ from hil_companion.detections import Detections, Found
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
-from hil_companion.locate.existence import LEAST_EVIDENCE, PERSON, RIVAL, WEAK, Evidence, sighting_evidence, thing_evidence
+from hil_companion.locate.existence import (
+    LEAST_EVIDENCE,
+    PERSON,
+    RIVAL,
+    WEAK,
+    Evidence,
+    sighting_evidence,
+    thing_evidence,
+)
 from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
 from hil_companion.locate.looks import look_of, object_pixels
@@ -257,7 +265,9 @@ class Detect:
         self._reported = objects
         return objects
 
-    def _evidence(self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None) -> Evidence:
+    def _evidence(
+        self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None
+    ) -> Evidence:
         over, rival = box.score - self._threshold, rival_score(box, candidates)
         rival_over = None if rival is None else rival - self._threshold
         if box.label != PERSON:

@@ -41,7 +41,7 @@ _COMMON_SIGMA = 0.1
 Common = Tuple[float, Tuple[float, float]]  # share of the people, and r - g and b - g, of a common hue
 _NEUTRAL, _DENIM, _KHAKI = (0.0, 0.12), (-0.5, 0.9), (0.25, -0.5)
 # Contrasts that are odd together, of the light, of the upper and of the lower part, with the common hues of clothes.
-_BLOCKS: Sequence[Tuple[Tuple[int, int], Sequence[Common]]] = (
+_BLOCKS: Sequence[tuple[tuple[int, int], Sequence[Common]]] = (
     ((0, 1), ()),
     ((2, 3), ((0.4, _NEUTRAL),)),
     ((4, 5), ((0.35, _NEUTRAL), (0.25, _DENIM), (0.12, _KHAKI))),
@@ -54,7 +54,14 @@ def tone_of(look: np.ndarray) -> np.ndarray:
     u = np.log(np.maximum(_linear(lab), 0.0) + _DARK)[0]
     upper, lower = u[0].mean(), u[1].mean()
     return np.array(
-        [0.5 * (upper + lower), upper - lower, u[0, 0] - u[0, 1], u[0, 2] - u[0, 1], u[1, 0] - u[1, 1], u[1, 2] - u[1, 1]]
+        [
+            0.5 * (upper + lower),
+            upper - lower,
+            u[0, 0] - u[0, 1],
+            u[0, 2] - u[0, 1],
+            u[1, 0] - u[1, 1],
+            u[1, 2] - u[1, 1],
+        ]
     )
 
 
@@ -117,7 +124,9 @@ def _ratio(tracks: Sequence[Appearance]) -> float:
 def _log_anyone(x: np.ndarray, v: np.ndarray, seen: Sequence[int], common: Sequence[Common]) -> float:
     """Return the logarithm of the density of these contrasts among all people."""
     off = x[seen] - _MEAN[seen]
-    density = (1.0 - sum(share for share, _ in common)) * math.exp(float(_log_normal(off, _BETWEEN[seen] + v[seen]).sum()))
+    density = (1.0 - sum(share for share, _ in common)) * math.exp(
+        float(_log_normal(off, _BETWEEN[seen] + v[seen]).sum())
+    )
     for share, hue in common:
         off = x[seen] - np.array(hue)[: len(seen)]
         density += share * math.exp(float(_log_normal(off, _COMMON_SIGMA**2 + v[seen]).sum()))

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import List
 
 PERSON = "person"
 _UPRIGHT_PRIOR, _SEATED_PRIOR, _CORRELATION = -6.0, -4.3, 0.1  # l_0 of both, and rho
@@ -120,7 +119,7 @@ class Evidences:
     def __init__(self) -> None:
         self.count = self.seats = 0
         self.upright = self.seated = 0.0
-        self.middles_m: List[float] = []
+        self.middles_m: list[float] = []
 
     def add(self, one: Evidence) -> None:
         self.count += 1

@@ -7,7 +7,7 @@ Which tracks belong together is decided over the whole flight (`partition`), eac
 from __future__ import annotations
 
 import math
-from typing import List, Sequence
+from typing import Sequence
 
 from hil_companion.detections import Found
 from hil_companion.locate.existence import Evidences
@@ -87,7 +87,7 @@ class Objects:
 
     def __init__(self) -> None:
         self._partition = Partition()
-        self._numbers: List[List[int]] = []  # of the tracks of each object
+        self._numbers: list[list[int]] = []  # of the tracks of each object
         self._known: set[int] = set()
         self._calls = 0
 

@@ -15,7 +15,7 @@ moves these are, here without chance so that a flight repeats).
 from __future__ import annotations
 
 import math
-from typing import Dict, FrozenSet, List, Sequence, Tuple
+from typing import FrozenSet, Sequence
 
 from hil_companion.locate.appearance import Appearance, appearance_ratio
 from hil_companion.locate.tracks import Track
@@ -32,13 +32,13 @@ class Partition:
     """Objects as sets of tracks. What is known of unchanged tracks is kept from call to call."""
 
     def __init__(self) -> None:
-        self._sightings: Dict[int, int] = {}
-        self._appearance: Dict[int, Appearance] = {}
-        self._transits: Dict[Tuple[int, int], float] = {}
-        self._scores: Dict[Members, float] = {}
-        self._tracks: Dict[int, Track] = {}
+        self._sightings: dict[int, int] = {}
+        self._appearance: dict[int, Appearance] = {}
+        self._transits: dict[tuple[int, int], float] = {}
+        self._scores: dict[Members, float] = {}
+        self._tracks: dict[int, Track] = {}
 
-    def groups(self, tracks: Sequence[Track]) -> List[List[Track]]:
+    def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
         """Return the tracks of each object in the order of time; objects by their first track."""
         self._forget(tracks)
         groups = self._joined([frozenset([number]) for number in sorted(self._tracks)])
@@ -59,7 +59,7 @@ class Partition:
         self._transits = {pair: s for pair, s in self._transits.items() if not changed.intersection(pair)}
         self._scores = {group: s for group, s in self._scores.items() if not changed & group}
 
-    def _ordered(self, group: Members) -> List[Track]:
+    def _ordered(self, group: Members) -> list[Track]:
         return sorted((self._tracks[n] for n in group), key=lambda t: (t.first_ns, t.number))
 
     def _appears(self, number: int) -> Appearance:
@@ -96,8 +96,8 @@ class Partition:
                     return -math.inf
         return total + appearance_ratio([self._appears(track.number) for track in ordered])
 
-    def _joined(self, groups: List[Members]) -> List[Members]:
-        gains: Dict[Tuple[Members, Members], float] = {}
+    def _joined(self, groups: list[Members]) -> list[Members]:
+        gains: dict[tuple[Members, Members], float] = {}
         for i, a in enumerate(groups):
             for b in groups[i + 1 :]:
                 self._note(gains, a, b)
@@ -110,12 +110,12 @@ class Partition:
             groups.append(a | b)
         return groups
 
-    def _note(self, gains: Dict[Tuple[Members, Members], float], a: Members, b: Members) -> None:
+    def _note(self, gains: dict[tuple[Members, Members], float], a: Members, b: Members) -> None:
         gain = self.score(a | b) - self.score(a) - self.score(b)
         if gain > _LEAST_GAIN:
             gains[(a, b)] = gain
 
-    def _moved(self, groups: List[Members]) -> List[Members] | None:
+    def _moved(self, groups: list[Members]) -> list[Members] | None:
         """Return the groups after the best move; None if none gains."""
         best, choice = _LEAST_GAIN, None
         for i, a in enumerate(groups):
@@ -133,7 +133,7 @@ class Partition:
         a, b, new = choice
         return [one for one in [*(one for one in groups if one not in (a, b)), *new] if one]
 
-    def _exchanges(self, a: Members, b: Members, *, whole: bool) -> List[Tuple[Members, Members]]:
+    def _exchanges(self, a: Members, b: Members, *, whole: bool) -> list[tuple[Members, Members]]:
         """Return pairs of groups made of the tracks of two. `whole`: those too that do not tell a from b."""
         pairs = [(a - {n}, b | {n}) for n in sorted(a)]
         if not whole:

@@ -8,10 +8,9 @@ first, with
 
     cost = d^2 + ln det S - 2 look      d: distance in standard deviations of S, at most `_GATE`
 
-`look` is the log-likelihood ratio of the appearance (`appearance`). A sighting that fits no track starts a new one. A track of a
-moving object ends `_AWAY_S` after its last sighting; one that was seen to stand continues wherever it stood. Two tracks
-at the same position that were never in one picture are merged. `objects` joins the tracks of one object and counts the
-evidence for it.
+`look` is the log-likelihood ratio of the appearance (`appearance`). The assignment with the least sum is taken (Kuhn
+1955, The Hungarian Method), among those that continue as many tracks as possible. A sighting that fits no track starts
+a new one, and a track ends `_AWAY_S` after its last sighting. `objects` joins the tracks of one object.
 """
 
 from __future__ import annotations

@@ -216,12 +216,16 @@ def test_a_person_seen_from_two_sides_with_one_odd_part_is_still_the_same() -> N
 @given(st.lists(st.tuples(st.floats(0.1, 3.0), st.floats(0.05, 0.9), st.integers(2, 40)), min_size=1, max_size=5))
 def test_appearance_does_not_depend_on_order_and_an_odd_one_is_bounded(rows: list[tuple[float, float, int]]) -> None:
     tracks = [Appearance.of_track(lit(light, upper=upper), n) for light, upper, n in rows]
-    assert appearance_ratio(tracks[::-1]) == pytest.approx(appearance_ratio(tracks), abs=3.0)  # equal lengths lead in turn
+    assert appearance_ratio(tracks[::-1]) == pytest.approx(
+        appearance_ratio(tracks), abs=3.0
+    )  # equal lengths lead in turn
     assert appearance_ratio(tracks) >= 3.0 * math.log(0.2) * (len(tracks) - 1) - 1e-9
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 40), st.integers(-20, 20), st.booleans()), min_size=1, max_size=7), st.randoms())
+@given(
+    st.lists(st.tuples(st.integers(0, 40), st.integers(-20, 20), st.booleans()), min_size=1, max_size=7), st.randoms()
+)
 def test_a_partition_has_each_track_once_and_never_two_of_one_picture(rows: list[Any], random: Any) -> None:
     tracks = Tracks()
     pictures: dict[int, list[Sighting]] = {}
@@ -269,7 +273,8 @@ def test_the_place_of_a_walker_is_known_as_well_as_the_disc_within_reach_is_smal
     walk(tracks, 0.0, RED, 0.0, 0.0)
     walk(tracks, 12.75, RED, 8.0, 3.0)
     first, second = tracks.tracks
-    assert first.walks and second.walks
+    assert first.walks
+    assert second.walks
     reach_m = 1.8 * 10.0 + 2.0 * math.sqrt(first.sigma_m**2 + second.first.sigma_m**2 + 0.15)
     # Each walks with 0.95, 0.6 of all do, and one of twenty changes; where he stood it is too far away to have stayed.
     share = 0.95**2 / 0.6 + 2.0 * 0.05 * 0.95 * 0.05 + 0.05**2 / 0.4 * 0.05
