@@ -119,7 +119,7 @@ class Partition:
         """Return the groups after the best move; None if none gains."""
         best, choice = _LEAST_GAIN, None
         for i, a in enumerate(groups):
-            alone = [frozenset()] if len(a) > 1 else []
+            alone: list[Members] = [frozenset()] if len(a) > 1 else []
             for k, b in enumerate([*groups, *alone]):
                 if k == i:
                     continue
