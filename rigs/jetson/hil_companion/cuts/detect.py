@@ -22,7 +22,15 @@ from hil_companion.detections import Detections, Found
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
-from hil_companion.locate.existence import LEAST_EVIDENCE, PERSON, RIVAL, WEAK, sighting_evidence
+from hil_companion.locate.existence import (
+    LEAST_EVIDENCE,
+    PERSON,
+    RIVAL,
+    WEAK,
+    Evidence,
+    sighting_evidence,
+    thing_evidence,
+)
 from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
 from hil_companion.locate.looks import look_of, object_pixels
@@ -246,7 +254,7 @@ class Detect:
                 continue
             height_m = geolocation.height_m(d, pose)
             evidence = self._evidence(d, candidates, height_m, geolocation.middle_m(d, pose, depth_m))
-            if evidence >= LEAST_EVIDENCE:
+            if evidence.best >= LEAST_EVIDENCE:
                 by_depth = depth_m is not None
                 cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
                 sightings.append(Sighting(d.label, d.p_W, cov, look, evidence))
@@ -257,11 +265,13 @@ class Detect:
         self._reported = objects
         return objects
 
-    def _evidence(self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None) -> float:
+    def _evidence(
+        self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None
+    ) -> Evidence:
         over, rival = box.score - self._threshold, rival_score(box, candidates)
         rival_over = None if rival is None else rival - self._threshold
         if box.label != PERSON:
-            return sighting_evidence(over, rival_over)
+            return thing_evidence(over, rival_over)
         return sighting_evidence(
             over, rival_over, height_m, middle_m, on_seat=on_seat(box, candidates, self._threshold - WEAK)
         )

@@ -6,25 +6,85 @@ Machine Learning, 4.3.2), fitted to the boxes of flights over tuning maps with t
     z = ln p(box | object) / p(box | something else) = w0 + sum w_i f_i
 
 The score of another label at the same place counts against a person: bicycles and parasols have two scores. A person's
-box is as high as a person, and its middle is as high above the ground.
+box is as high as a person, and its middle is as high above the ground: that of a person who stands or walks (`upright`)
+or who sits (`seated`), which are two hypotheses with weights of their own.
 
 Boxes of one object show the same clothes in front of the same background, so they are not independent. With the
 correlation rho between two of them, n count as n / (1 + (n - 1) rho) independent ones (design effect; Kish 1965, Survey
-Sampling, 5.4), and the log-odds of an object are
+Sampling, 5.4). What all boxes of an object say together is one observation: the median height m of their middles,
+normal with the mean of an upright person, of a seated one, or of other things that resemble one, and the share s of
+boxes on a seat. The log-odds of an object are the greater of
 
-    l = l_0 + sum z_i / (1 + (n - 1) rho)
+    l_upright = l_0 + sum z_i / (1 + (n - 1) rho) + ln N(m; upright) / N(m; low things)
+    l_seated  =       the same sum of the seated z + ln N(m; seated) / N(m; things on seats) + seat(s)
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 PERSON = "person"
-_PRIOR, _CORRELATION = -3.8, 0.1  # l_0 and rho
+_UPRIGHT_PRIOR, _SEATED_PRIOR, _CORRELATION = -6.0, -4.3, 0.1  # l_0 of both, and rho
 WEAK = 0.12  # a score of so much less than the threshold can be a sighting
 RIVAL = 0.27  # a rival's score of so much less than the threshold, and those below it, say nothing
 LEAST_EVIDENCE = -2.0  # a box with less is not a sighting
-_CONSTANT, _SCORE, _RIVAL_SCORE, _ON_SEAT = 2.9, 8.0, -6.65, 1.0
-_HEIGHT_M, _PER_M_LOW, _PER_M_HIGH, _MOST_M = 1.65, -3.0, -1.3, 1.0  # of the box
-_MIDDLE_M, _MIDDLE_LOW, _MIDDLE_HIGH, _MIDDLE_MOST_M = 0.8, -3.9, -5.2, 0.8  # of its middle above the ground
+_MOST_M, _MIDDLE_MOST_M = 1.0, 0.8  # a greater difference of a height or of a middle counts as this one
+_SEAT_SURE, _OFF_SEAT = 0.5, -6.0  # seat(s): a line from `_OFF_SEAT` at s = 0 to 0 at `_SEAT_SURE` and more
+
+
+@dataclass(frozen=True)
+class _Posture:
+    """Weights of z, and the middles of objects of this posture and of other things that look like it [m]."""
+
+    constant: float
+    score: float
+    rival: float
+    height_m: float
+    lower: float  # per metre below `height_m`
+    higher: float
+    middle_m: float
+    middle_lower: float
+    middle_higher: float
+    median_m: float
+    others_m: float
+    spread_m: float
+    most_ratio: float
+
+    def evidence(self, over: float, rival_over: float | None, height_m: float | None, middle_m: float | None) -> float:
+        z = self.constant + self.score * over
+        if rival_over is not None:
+            z += self.rival * max(0.0, rival_over + RIVAL)
+        if height_m is not None:
+            z += _off(height_m - self.height_m, self.lower, self.higher, _MOST_M)
+        if middle_m is not None:
+            z += _off(middle_m - self.middle_m, self.middle_lower, self.middle_higher, _MIDDLE_MOST_M)
+        return z
+
+    def median_ratio(self, median_m: float, count: int) -> float:
+        """Return the log-likelihood ratio of the median of `count` middles."""
+        variance = self.spread_m**2 + _MIDDLE_SIGMA_M**2 / count
+        ratio = ((median_m - self.others_m) ** 2 - (median_m - self.median_m) ** 2) / (2.0 * variance)
+        return max(-_LEAST_RATIO, min(self.most_ratio, ratio))
+
+
+_UPRIGHT = _Posture(2.96, 6.26, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0)
+_SEATED = _Posture(2.73, 0.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0)
+_MIDDLE_SIGMA_M, _LEAST_RATIO = 0.22, 6.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Evidence of one box for an upright and for a seated object, and what is counted of it."""
+
+    upright: float
+    seated: float = -math.inf
+    middle_m: float | None = None
+    on_seat: bool = False
+
+    @property
+    def best(self) -> float:
+        return max(self.upright, self.seated if self.on_seat else self.seated + 0.5 * _OFF_SEAT)
 
 
 def sighting_evidence(
@@ -34,26 +94,56 @@ def sighting_evidence(
     middle_m: float | None = None,
     *,
     on_seat: bool = False,
-) -> float:
-    """Return z of a box. None: unknown, or no rival.
+) -> Evidence:
+    """Return the evidence of a person's box. None: unknown, or no rival.
 
     `over_threshold`: its score minus the detection threshold, `rival_over_threshold`: that of the best box of another
     label over it, `height_m`: of the box, `middle_m`: of the box's middle above the ground.
     """
-    z = _CONSTANT + _SCORE * over_threshold
-    if rival_over_threshold is not None:
-        z += _RIVAL_SCORE * max(0.0, rival_over_threshold + RIVAL)
-    if height_m is not None:
-        z += _off(height_m - _HEIGHT_M, _PER_M_LOW, _PER_M_HIGH, _MOST_M)
-    if middle_m is not None:
-        z += _off(middle_m - _MIDDLE_M, _MIDDLE_LOW, _MIDDLE_HIGH, _MIDDLE_MOST_M)
-    return z + (_ON_SEAT if on_seat else 0.0)
+    features = (over_threshold, rival_over_threshold, height_m, middle_m)
+    return Evidence(_UPRIGHT.evidence(*features), _SEATED.evidence(*features), middle_m, on_seat)
+
+
+def thing_evidence(over_threshold: float, rival_over_threshold: float | None) -> Evidence:
+    """Return the evidence of a box of another label, which has no posture."""
+    return Evidence(_UPRIGHT.evidence(over_threshold, rival_over_threshold, None, None))
 
 
 def _off(off_m: float, low: float, high: float, most_m: float) -> float:
     return min(abs(off_m), most_m) * (low if off_m < 0.0 else high)
 
 
-def object_odds(evidence: float, sightings: int) -> float:
-    """Return the log-odds of an object with this sum of evidence; it is reported from 0 on."""
-    return _PRIOR + evidence / (1.0 + _CORRELATION * (sightings - 1))
+class Evidences:
+    """Evidence of all sightings of an object."""
+
+    def __init__(self) -> None:
+        self.count = self.seats = 0
+        self.upright = self.seated = 0.0
+        self.middles_m: list[float] = []
+
+    def add(self, one: Evidence) -> None:
+        self.count += 1
+        self.seats += one.on_seat
+        self.upright += one.upright
+        self.seated += one.seated
+        if one.middle_m is not None:
+            self.middles_m.append(one.middle_m)
+
+    def __add__(self, other: Evidences) -> Evidences:
+        total = Evidences()
+        total.count, total.seats = self.count + other.count, self.seats + other.seats
+        total.upright, total.seated = self.upright + other.upright, self.seated + other.seated
+        total.middles_m = [*self.middles_m, *other.middles_m]
+        return total
+
+    @property
+    def odds(self) -> float:
+        """Return the log-odds of the object; it is reported from 0 on."""
+        dependence = 1.0 + _CORRELATION * (self.count - 1)
+        upright, seated = _UPRIGHT_PRIOR + self.upright / dependence, _SEATED_PRIOR + self.seated / dependence
+        if self.middles_m:
+            median_m = sorted(self.middles_m)[len(self.middles_m) // 2]
+            upright += _UPRIGHT.median_ratio(median_m, len(self.middles_m))
+            seated += _SEATED.median_ratio(median_m, len(self.middles_m))
+        share = min(1.0, self.seats / max(1, self.count) / _SEAT_SURE)
+        return max(upright, seated + _OFF_SEAT * (1.0 - share))

@@ -6,12 +6,11 @@ seen to stand still the noise is smaller, and after `_ABSENT_S` out of sight its
 (x, y, vx, vy); the height is a mean. The sightings of one picture are assigned to tracks one to one, cheapest pair
 first, with
 
-    cost = d^2 + ln det S + look^2      d: distance in standard deviations of S, at most `_GATE`
+    cost = d^2 + ln det S - 2 look      d: distance in standard deviations of S, at most `_GATE`
 
-`look` is the difference of looks in units of `_LOOK`. A sighting that fits no track starts a new one. A track of a
-moving object ends `_AWAY_S` after its last sighting; one that was seen to stand continues wherever it stood. Two tracks
-at the same position that were never in one picture are merged. `objects` joins the tracks of one object and counts the
-evidence for it.
+`look` is the log-likelihood ratio of the appearance (`appearance`). The assignment with the least sum is taken (Kuhn
+1955, The Hungarian Method), among those that continue as many tracks as possible. A sighting that fits no track starts
+a new one, and a track ends `_AWAY_S` after its last sighting. `objects` joins the tracks of one object.
 """
 
 from __future__ import annotations
@@ -21,22 +20,28 @@ from dataclasses import dataclass
 from typing import Sequence
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
+from hil_companion.locate.appearance import Appearance, appearance_ratio
+from hil_companion.locate.existence import Evidence, Evidences
 from hil_companion.locate.looks import look_difference, median_look
 
 _ACCEL, _STANDING_ACCEL, _STROLL = 0.35, 0.12, 0.08
+_BEGINS_SEEN = 4  # sightings that say where a track begins
 _FIRST_SPEED_MPS, _MAX_SPEED_MPS = 0.9, 2.5
 _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _STAYS_MPS, _STAYS_M, _STANDS_M = 0.3, 1.0, 2.5  # an object that moved less than this since its first sighting stands
-_WALKS_MPS, _WALKED_M = 0.5, 2.0
+_WALKS_MPS, _WALKED_M, _WALKED_SIGMAS = 0.5, 1.5, 2.0
 _GATE = 3.3
 _ABSENT_S, _AWAY_S = 1.6, 4.0
-_LOOK, _MAX_LOOK = 14.0, 28.0  # CIE units per unit of cost, and the largest difference of a sighting from its track
+_LEAST_ALIKE = -2.5  # ln ratio of the appearance of a sighting and its track, one object against two
 _LOOKS_KEPT = 30  # sightings whose median look is the track's
-_ONE_PLACE_M, _ONE_LOOK = 1.0, 24.0
+_ALONE = 40.0  # more than any cost within the gates: as many sightings as possible continue tracks
 FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
 _FIX_LOOK = 17.0  # a sighting with a greater difference of looks does not change the reported position
 _WEAK_S = 12.0  # a track of one sighting, or of unsure ones only, is dropped after this time
+
+_SURE = Evidence(1.0)
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,12 @@ class Sighting:
     p_W: tuple[float, float, float]
     cov: np.ndarray  # (2, 2) of x and y [m2]
     look: np.ndarray | None = None  # by `look_of`
-    evidence: float = 1.0  # by `sighting_evidence`
+    evidence: Evidence = _SURE  # by `sighting_evidence`
 
     @property
     def sure(self) -> bool:
         """Return True if the box is rather of an object than of something else."""
-        return self.evidence >= 0.0
+        return self.evidence.best >= 0.0
 
 
 @dataclass(frozen=True)
@@ -72,14 +77,17 @@ class Track:
         self.first_ns = self.t_ns = t_ns
         self.pictures = {picture}
         self.sightings, self.sure = 1, int(seen.sure)
-        self.evidence = seen.evidence
+        self.evidence = Evidences()
+        self.evidence.add(seen.evidence)
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.zeros((4, 4))
         self.cov[:2, :2], self.cov[2:, 2:] = seen.cov, np.eye(2) * _FIRST_SPEED_MPS**2
         self.looks = [] if seen.look is None else [seen.look]
         self.look = seen.look
+        self.appearance = Appearance.of_track(seen.look, 1)
         self.extent_m = 0.0
+        self.closest_m = self.sigma_m  # deviation of the surest sighting
         self.first = self.fix = Fix(t_ns, self.state, self.sigma_m)
 
     @property
@@ -87,13 +95,24 @@ class Track:
         return math.sqrt(max(0.0, float(np.linalg.eigvalsh(self.cov[:2, :2])[-1])))
 
     @property
+    def surety(self) -> float:
+        """Return the evidence of all sightings, for the likelier posture."""
+        return max(self.evidence.upright, self.evidence.seated)
+
+    @property
     def speed_mps(self) -> float:
         return float(np.hypot(*self.state[2:]))
 
     @property
+    def pace_mps(self) -> float:
+        """Return the mean speed between the first and the last sighting, straight."""
+        watched_s = (self.t_ns - self.first_ns) * 1e-9
+        return float(np.hypot(*(self.state[:2] - self.first.state[:2]))) / watched_s if watched_s > 0.0 else 0.0
+
+    @property
     def walks(self) -> bool:
         """Return True if the object has moved and still moves."""
-        return self.extent_m > _WALKED_M and self.speed_mps > _WALKS_MPS
+        return self.extent_m > _WALKED_M + _WALKED_SIGMAS * self.first.sigma_m and self.speed_mps > _WALKS_MPS
 
     @property
     def stands(self) -> bool:
@@ -132,11 +151,10 @@ class Track:
         squared = float(off @ np.linalg.solve(S, off))
         if squared > _GATE * _GATE:
             return math.inf
-        difference = look_difference(self.look, seen.look)
-        if difference is not None and difference > _MAX_LOOK:
+        look = appearance_ratio([self.appearance, Appearance.of_track(seen.look, 1)])
+        if look < _LEAST_ALIKE:
             return math.inf
-        look = 0.0 if difference is None else difference / _LOOK
-        return squared + math.log(float(np.linalg.det(S))) + look * look
+        return squared + math.log(float(np.linalg.det(S))) - 2.0 * look
 
     def update(self, t_ns: int, picture: int, seen: Sighting) -> None:
         """Correct the track by a sighting."""
@@ -150,10 +168,14 @@ class Track:
         if self.speed_mps > _MAX_SPEED_MPS:
             self.state[2:] *= _MAX_SPEED_MPS / self.speed_mps
         self.extent_m = max(self.extent_m, float(np.hypot(*(self.state[:2] - self.first.state[:2]))))
+        if self.sightings < _BEGINS_SEEN:  # the first sighting alone may have a wrong range
+            begun = self.state[:2] - self.state[2:] * ((t_ns - self.first_ns) * 1e-9)
+            self.first = Fix(self.first_ns, np.concatenate([begun, self.state[2:]]), self.sigma_m)
         self.t_ns = t_ns
+        self.closest_m = min(self.closest_m, math.sqrt(float(np.linalg.eigvalsh(seen.cov)[-1])))
         self.sightings += 1
         self.sure += seen.sure
-        self.evidence += seen.evidence
+        self.evidence.add(seen.evidence)
         self.z_m += (seen.p_W[2] - self.z_m) / self.sightings
         self.pictures.add(picture)
         self._add_looks([] if seen.look is None else [seen.look])
@@ -166,15 +188,7 @@ class Track:
         if looks:
             self.looks = [*self.looks, *looks][-_LOOKS_KEPT:]
             self.look = median_look(self.looks)
-
-    def merge(self, late: Track) -> None:
-        """Continue this track with the newer state of another track of the same object."""
-        self.state, self.cov, self.t_ns, self.fix = late.state, late.cov, late.t_ns, late.fix
-        self.sightings += late.sightings
-        self.sure += late.sure
-        self.evidence += late.evidence
-        self.pictures |= late.pictures
-        self._add_looks(late.looks)
+        self.appearance = Appearance.of_track(self.look, self.sightings)
 
 
 class Tracks:
@@ -188,36 +202,22 @@ class Tracks:
     def add(self, t_ns: int, sightings: Sequence[Sighting]) -> None:
         """Add the sightings of one picture; pictures come in the order of time."""
         self._pictures += 1
-        pairs = [
-            (track.cost(t_ns, seen), i, k) for i, track in enumerate(self.tracks) for k, seen in enumerate(sightings)
-        ]
-        assigned_tracks: set[int] = set()
         assigned: set[int] = set()
-        for cost, i, k in sorted(pairs):
-            if cost < math.inf and i not in assigned_tracks and k not in assigned:
-                assigned_tracks.add(i)
-                assigned.add(k)
-                self.tracks[i].update(t_ns, self._pictures, sightings[k])
+        for i, k in self._assignment(t_ns, sightings):
+            self.tracks[i].update(t_ns, self._pictures, sightings[k])
+            assigned.add(k)
         for k, seen in enumerate(sightings):
             if k not in assigned:
                 self.tracks.append(Track(self._numbers, t_ns, self._pictures, seen))
                 self._numbers += 1
-        self._merge(t_ns)
         self.tracks = [t for t in self.tracks if (t.sure and t.sightings > 1) or (t_ns - t.t_ns) * 1e-9 < _WEAK_S]
 
-    def _merge(self, t_ns: int) -> None:
-        """Merge each track seen in this picture into an older one that is predicted at the same place."""
-        for late in [t for t in self.tracks if t.t_ns == t_ns]:
-            for early in self.tracks:
-                if early is late or early.label != late.label or early.number > late.number:
-                    continue
-                if early.pictures & late.pictures or not (early.stands or (t_ns - early.t_ns) * 1e-9 <= _AWAY_S):
-                    continue
-                state, cov = early.at(t_ns)
-                near_m = float(np.hypot(*(state[:2] - late.state[:2])))
-                difference = look_difference(early.look, late.look)
-                if near_m > _ONE_PLACE_M or cov[0, 0] > 4.0 or (difference is not None and difference > _ONE_LOOK):
-                    continue
-                early.merge(late)
-                self.tracks.remove(late)
-                break
+    def _assignment(self, t_ns: int, sightings: Sequence[Sighting]) -> list[tuple[int, int]]:
+        """Return (track, sighting) of the assignment with the least sum of costs."""
+        recent = [i for i, track in enumerate(self.tracks) if (t_ns - track.t_ns) * 1e-9 <= _AWAY_S]
+        if not recent or not sightings:
+            return []
+        costs = np.array([[self.tracks[i].cost(t_ns, seen) for seen in sightings] for i in recent])
+        costs = np.where(np.isfinite(costs), costs - _ALONE, 0.0)
+        rows, columns = linear_sum_assignment(np.minimum(costs, 0.0))
+        return [(recent[i], k) for i, k in zip(rows.tolist(), columns.tolist()) if costs[i, k] < 0.0]

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hil.config.companion.clients import make_client_importable
 
 make_client_importable()
 
-from hil_companion.locate.existence import object_odds, sighting_evidence  # noqa: E402
-from hil_companion.locate.objects import Objects, place_ratio  # noqa: E402
+from hil_companion.locate.appearance import Appearance, appearance_ratio  # noqa: E402
+from hil_companion.locate.existence import Evidence, Evidences, sighting_evidence  # noqa: E402
+from hil_companion.locate.objects import Objects  # noqa: E402
+from hil_companion.locate.partition import Partition  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
+from hil_companion.locate.transit import transit_ratio  # noqa: E402
 
 SECOND = 1_000_000_000
 SIGMA_M = 0.4
 RED, BLUE = np.array([50.0, 60.0, 40.0] * 2), np.array([40.0, 10.0, -50.0] * 2)
 
 
-def seen_at(x: float, y: float, look: np.ndarray | None = None, evidence: float = 2.0) -> Sighting:
-    return Sighting("person", (x, y, 0.9), np.eye(2) * SIGMA_M**2, look, evidence)
+def seen_at(x: float, y: float, look: np.ndarray | None = None, evidence: float = 3.0) -> Sighting:
+    return Sighting("person", (x, y, 0.9), np.eye(2) * SIGMA_M**2, look, Evidence(evidence, middle_m=0.9))
 
 
 def walk(tracks: Tracks, from_s: float, look: np.ndarray | None, x: float, y: float, *, speed_mps: float = 1.2) -> None:
@@ -43,7 +50,8 @@ def test_standing_and_crossing_people_keep_their_numbers() -> None:
         assert math.dist(one.p_W[:2], way(one.t_ns / SECOND)) < 0.4
     assert found[1].v_W[0] == pytest.approx(1.3, abs=0.25)
     tracks.add(60 * SECOND, [seen_at(5.1, 4.9)])  # he has not moved
-    assert [one.sightings for one in Objects().found(tracks.tracks)] == [41, 40, 40]
+    tracks.add(60 * SECOND + SECOND // 2, [seen_at(5.1, 4.9)])
+    assert [one.sightings for one in Objects().found(tracks.tracks)] == [42, 40, 40]
 
 
 def test_a_single_sighting_is_no_person() -> None:
@@ -72,32 +80,59 @@ def test_an_uncertain_range_moves_a_track_across_the_view_only() -> None:
 
 
 def test_the_evidence_of_a_box_is_linear_in_its_features() -> None:
-    assert sighting_evidence(0.0, None) == pytest.approx(2.9)
-    assert sighting_evidence(0.1, -0.5, 1.65, 0.8) == pytest.approx(2.9 + 8.0 * 0.1)  # a rival of too low a score
-    assert sighting_evidence(0.1, 0.1) == pytest.approx(2.9 + 0.8 - 6.65 * (0.1 + 0.27))
-    assert sighting_evidence(0.0, None, 1.15) == pytest.approx(2.9 - 3.0 * 0.5)
-    assert sighting_evidence(0.0, None, 9.0) == pytest.approx(2.9 - 1.3 * 1.0)
-    assert sighting_evidence(0.0, None, None, 0.4) == pytest.approx(2.9 - 3.9 * 0.4)
-    assert sighting_evidence(0.0, None, None, 5.0) == pytest.approx(2.9 - 5.2 * 0.8)
-    assert sighting_evidence(0.0, None, on_seat=True) == pytest.approx(2.9 + 1.0)
+    def upright(*features: float | None) -> float:
+        return sighting_evidence(*features).upright  # type: ignore[arg-type]
+
+    assert upright(0.0, None) == pytest.approx(2.96)
+    assert upright(0.1, -0.5, 1.7, 0.9) == pytest.approx(2.96 + 6.26 * 0.1)  # a rival of too low a score
+    assert upright(0.1, 0.1) == pytest.approx(2.96 + 0.626 - 6.33 * (0.1 + 0.27))
+    assert upright(0.0, None, 1.2) == pytest.approx(2.96 - 2.48 * 0.5)
+    assert upright(0.0, None, 9.0) == pytest.approx(2.96 - 2.27 * 1.0)
+    assert upright(0.0, None, None, 0.5) == pytest.approx(2.96 - 4.21 * 0.4)
+    assert upright(0.0, None, None, 5.0) == pytest.approx(2.96 - 5.54 * 0.8)
+    assert sighting_evidence(0.3, None, 1.2, 0.55).seated == pytest.approx(2.73 - 3.91 * 0.5)  # no score
 
 
 def test_n_dependent_boxes_count_as_fewer_independent_ones() -> None:
-    assert object_odds(5.0, 1) == pytest.approx(-3.8 + 5.0)
     # The variance of the mean of n equally correlated values is that of n_eff independent ones.
     for n in (1, 2, 20, 1000):
         correlation = 0.1 + 0.9 * np.eye(n)
         n_eff = n**2 / correlation.sum()
-        assert object_odds(n * 0.7, n) == pytest.approx(-3.8 + 0.7 * n_eff)
+        evidences = Evidences()
+        for _ in range(n):
+            evidences.add(Evidence(0.7))
+        assert evidences.odds == pytest.approx(-6.0 + 0.7 * n_eff)
+
+
+def odds_of(count: int, middle_m: float, *, on_seat: bool, height_m: float = 1.7) -> float:
+    evidences = Evidences()
+    for _ in range(count):
+        evidences.add(sighting_evidence(0.0, None, height_m, middle_m, on_seat=on_seat))
+    return evidences.odds
+
+
+def test_who_is_as_low_as_a_sitter_has_to_sit_on_something() -> None:
+    assert odds_of(8, 0.9, on_seat=False) > 0.0  # stands
+    assert odds_of(8, 0.53, on_seat=True) > 0.0  # sits
+    assert odds_of(8, 0.53, on_seat=False, height_m=1.2) < 0.0  # a dog
+    assert odds_of(8, 0.53, on_seat=False) < odds_of(8, 0.53, on_seat=True)
+    assert odds_of(8, 0.3, on_seat=True) < odds_of(8, 0.53, on_seat=True) - 4.0  # a bag on a bench
+    halves = Evidences()
+    for part in (True, False):
+        some = Evidences()
+        for _ in range(4):
+            some.add(sighting_evidence(0.0, None, 1.7, 0.53, on_seat=part))
+        halves += some
+    assert halves.odds == pytest.approx(odds_of(8, 0.53, on_seat=True))  # half of the boxes on a seat are enough
 
 
 def test_a_bicycle_of_many_doubtful_boxes_is_not_reported_and_a_person_of_a_few_good_ones_is() -> None:
     bicycle = sighting_evidence(0.1, 0.05, 1.2, 0.5)  # as high a score, a rival, too low
-    person = sighting_evidence(0.0, -0.25, 1.4, 0.7)
+    person = sighting_evidence(0.1, -0.25, 1.6, 0.85)
     for evidence, count, people in ((bicycle, 80, 0), (person, 6, 1)):
         tracks = Tracks()
         for k in range(count):
-            tracks.add(k * SECOND // 2, [seen_at(5.0, 5.0, evidence=evidence)])
+            tracks.add(k * SECOND // 2, [Sighting("person", (5.0, 5.0, 0.9), np.eye(2) * 0.1, None, evidence)])
         assert len(Objects().found(tracks.tracks)) == people
 
 
@@ -115,13 +150,102 @@ def test_two_boxes_on_one_still_person_are_one_object(apart_m: float, people: in
     tracks = Tracks()
     for k in range(20):
         boxes = [
-            Sighting("person", (x, 0.0, 0.9), np.eye(2) * 0.01, evidence=evidence)
-            for x, evidence in ((0.0, 1.0), (apart_m, 0.7))
+            Sighting("person", (x, 0.0, 0.9), np.eye(2) * 0.01, evidence=Evidence(evidence))
+            for x, evidence in ((0.0, 2.9), (apart_m, 1.3))
         ]
         tracks.add(k * SECOND // 2, boxes)
     found = Objects().found(tracks.tracks)
     assert len(found) == people
     assert math.hypot(*found[0].p_W[:2]) < 0.1  # the one with more evidence
+
+
+def test_two_people_a_metre_apart_are_two() -> None:
+    for looks in ((RED, BLUE), (RED, RED)):
+        tracks = Tracks()
+        for k in range(12):
+            tracks.add(k * SECOND // 2, [seen_at(0.0, 0.0, looks[0]), seen_at(1.0, 0.0, looks[1])])
+        found = Objects().found(tracks.tracks)
+        assert [round(one.p_W[0], 1) for one in found] == [0.0, 1.0]
+
+
+def test_a_false_box_repeated_at_one_place_is_nobody() -> None:
+    bush = sighting_evidence(0.1, None, 1.2, 0.45)
+    tracks = Tracks()
+    for k in range(60):
+        tracks.add(k * SECOND // 2, [Sighting("person", (5.0, 5.0, 0.5), np.eye(2) * 0.1, BLUE, bush)])
+    assert Objects().found(tracks.tracks) == []
+
+
+def test_a_walker_behind_a_tree_stays_one_person() -> None:
+    tracks = Tracks()
+    for k in range(40):
+        t_s = 0.5 * k
+        if not 8.0 <= t_s < 15.0:  # hidden for longer than a track lasts
+            tracks.add(round(t_s * SECOND), [seen_at(1.2 * t_s, 0.0, RED)])
+    assert len(tracks.tracks) == 2
+    (one,) = Objects().found(tracks.tracks)
+    assert one.sightings == 26
+
+
+def lit(light: float, *, upper: float = 0.3, lower: float = 0.05) -> np.ndarray:
+    """Return the look of a red coat over blue trousers under so much light."""
+    linear = np.array([[[upper, 0.1 * upper, 0.1 * upper], [0.3 * lower, 0.5 * lower, lower]]]) * light
+    return cv2.cvtColor(linear.astype(np.float32), cv2.COLOR_LRGB2LAB).astype(float).reshape(6)
+
+
+def test_the_same_clothes_in_the_sun_and_in_the_shade_are_alike() -> None:
+    sun, shade = (Appearance.of_track(lit(light), 10) for light in (1.0, 0.33))
+    swapped = Appearance.of_track(lit(1.0)[[3, 4, 5, 0, 1, 2]], 10)
+    assert appearance_ratio([sun, shade]) > 3.0
+    assert appearance_ratio([sun, swapped]) < -3.0
+    assert appearance_ratio([sun]) == 0.0
+    assert appearance_ratio([sun, Appearance.of_track(None, 10)]) == 0.0  # nothing seen says nothing
+
+
+def test_a_person_seen_from_two_sides_with_one_odd_part_is_still_the_same() -> None:
+    front, back = lit(1.0), lit(0.5)
+    back[:3] = lit(1.0)[3:]  # a rucksack hides the coat
+    same = appearance_ratio([Appearance.of_track(front, 10), Appearance.of_track(back, 10)])
+    other = appearance_ratio([Appearance.of_track(front, 10), Appearance.of_track(BLUE, 10)])
+    assert other < same
+    assert same > 3.0 * math.log(0.2)  # an odd block of contrasts costs ln eps at most
+    several = [Appearance.of_track(front, 10)] * 3
+    assert appearance_ratio([*several, Appearance.of_track(back, 10)]) > 3.0  # whoever leads, the others agree
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 3.0), st.floats(0.05, 0.9), st.integers(2, 40)), min_size=1, max_size=5))
+def test_appearance_does_not_depend_on_order_and_an_odd_one_is_bounded(rows: list[tuple[float, float, int]]) -> None:
+    tracks = [Appearance.of_track(lit(light, upper=upper), n) for light, upper, n in rows]
+    assert appearance_ratio(tracks[::-1]) == pytest.approx(
+        appearance_ratio(tracks), abs=3.0
+    )  # equal lengths lead in turn
+    assert appearance_ratio(tracks) >= 3.0 * math.log(0.2) * (len(tracks) - 1) - 1e-9
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 40), st.integers(-20, 20), st.booleans()), min_size=1, max_size=7), st.randoms()
+)
+def test_a_partition_has_each_track_once_and_never_two_of_one_picture(rows: list[Any], random: Any) -> None:
+    tracks = Tracks()
+    pictures: dict[int, list[Sighting]] = {}
+    for start, x, red in rows:
+        for k in range(4):
+            pictures.setdefault(start + k, []).append(seen_at(x + 0.3 * k, float(3 * (x % 3)), RED if red else BLUE))
+    for k in sorted(pictures):
+        tracks.add(k * SECOND // 2, pictures[k])
+    partition = Partition()
+    groups = partition.groups(tracks.tracks)
+    assert sorted(t.number for group in groups for t in group) == sorted(t.number for t in tracks.tracks)
+    for group in groups:
+        for i, a in enumerate(group):
+            assert not any(a.pictures & b.pictures for b in group[i + 1 :])
+        assert partition.score(frozenset(t.number for t in group)) >= 0.0 or len(group) == 1
+    shuffled = list(tracks.tracks)
+    random.shuffle(shuffled)
+    numbers = [[t.number for t in group] for group in groups]
+    assert [[t.number for t in group] for group in Partition().groups(shuffled)] == numbers
+    assert [[t.number for t in group] for group in partition.groups(tracks.tracks)] == numbers  # what is known is right
 
 
 def test_a_returning_walker_is_recognised_by_the_look() -> None:
@@ -140,8 +264,8 @@ def test_nobody_walks_faster_than_people_do() -> None:
     walk(tracks, 15.0, RED, 60.0, 0.0)
     assert len(Objects().found(tracks.tracks)) == 2
     first, second = tracks.tracks
-    assert place_ratio(first, second) == -math.inf
-    assert place_ratio(second, first) == -math.inf  # in the order of time
+    assert transit_ratio(first, second) == -math.inf
+    assert transit_ratio(second, first) == -math.inf  # in the order of time
 
 
 def test_the_place_of_a_walker_is_known_as_well_as_the_disc_within_reach_is_small() -> None:
@@ -149,8 +273,12 @@ def test_the_place_of_a_walker_is_known_as_well_as_the_disc_within_reach_is_smal
     walk(tracks, 0.0, RED, 0.0, 0.0)
     walk(tracks, 12.75, RED, 8.0, 3.0)
     first, second = tracks.tracks
-    reach_m = 1.7 * 10.0 + 2.0 * math.sqrt(first.sigma_m**2 + second.first.sigma_m**2 + 0.15)
-    assert place_ratio(first, second) == pytest.approx(math.log(3600.0 / (math.pi * reach_m**2)))
+    assert first.walks
+    assert second.walks
+    reach_m = 1.8 * 10.0 + 2.0 * math.sqrt(first.sigma_m**2 + second.first.sigma_m**2 + 0.15)
+    # Each walks with 0.95, 0.6 of all do, and one of twenty changes; where he stood it is too far away to have stayed.
+    share = 0.95**2 / 0.6 + 2.0 * 0.05 * 0.95 * 0.05 + 0.05**2 / 0.4 * 0.05
+    assert transit_ratio(first, second) == pytest.approx(math.log(share * 3600.0 / (math.pi * reach_m**2)), abs=1e-6)
 
 
 def test_two_in_one_picture_are_two_and_each_track_belongs_to_one() -> None:
@@ -179,8 +307,8 @@ def test_known_ratios_give_the_same_groups() -> None:
 def test_the_position_is_that_of_the_newest_sure_sighting() -> None:
     tracks = Tracks()
     walk(tracks, 0.0, RED, 0.0, 0.0)
-    far = Sighting("person", (4.2, 0.0, 0.9), np.eye(2) * 25.0, RED, 1.0)
-    other = Sighting("person", (4.5, 0.3, 0.9), np.eye(2) * SIGMA_M**2, np.array([50.0, 60.0, 20.0] * 2), 1.0)
+    far = Sighting("person", (4.2, 0.0, 0.9), np.eye(2) * 25.0, RED)
+    other = Sighting("person", (4.5, 0.3, 0.9), np.eye(2) * SIGMA_M**2, np.array([50.0, 60.0, 20.0] * 2))
     tracks.add(round(3.0 * SECOND), [other])  # almost the same clothes
     tracks.add(round(6.0 * SECOND), [far])
     (found,) = Objects().found(tracks.tracks)

@@ -1,0 +1,138 @@
+"""Appearance of an object: contrasts of its colours that light changes little, and how likely tracks share one object.
+
+Light multiplies the linear R, G and B of a colour. The shade of a tree is a third of the sun, so the logarithms
+
+    u = ln(rgb + eps)                                   of the upper and of the lower part, eps: `_DARK`
+
+of both parts move together. Six contrasts of u are taken, of which only the first changes with the light:
+
+    lightness  mean of all six          step  mean of the upper part - mean of the lower part
+    and for each part  r - g  and  b - g
+
+Contrast c of a track is x_c = m_c + b_c + w_c: the people's mean m, the person's own deviation with variance B, and
+the light and the noise at the place with variance V = W (1 + `_FEW` / n) for n sightings (Ioffe 2006, Probabilistic
+Linear Discriminant Analysis, here with variances instead of matrices). The tracks of an object are taken one after
+another, those with most sightings first. Those before predict the next with mean mu and variance s,
+
+    ratio = ln[ (1 - eps) N(x; mu, s + V) / N(x; m, B + V) + eps ],   s = 1 / (1/B + sum 1/V),   eps: `_ODD`
+
+and the sum over tracks and contrasts is the log-likelihood ratio of one object against as many as tracks. eps is the
+share of contrasts that say nothing: a leaf before the coat, a second person in the box. Such a contrast moves mu by
+less, with its chance of not being one as the weight. A part that is not seen counts nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Sequence, Tuple
+
+import cv2
+import numpy as np
+
+_DARK = 0.002
+_MEAN = np.array([-3.4, 0.1, 0.2, 0.1, 0.0, 0.05])
+_BETWEEN = np.array([0.85, 1.3, 0.7, 0.6, 0.3, 0.5]) ** 2
+_WITHIN = np.array([0.40, 0.35, 0.06, 0.07, 0.06, 0.07]) ** 2
+_FEW, _ODD, _LEADERS = 3.0, 0.2, 4
+_DIM = -4.7  # mean u of a part below which noise blurs its hue
+_OF_HUE = 0.15  # deviation of a strong hue, as a share of it: `_DARK` weakens it in the shade
+_COMMON_SIGMA = 0.1
+Common = Tuple[float, Tuple[float, float]]  # share of the people, and r - g and b - g, of a common hue
+_NEUTRAL, _DENIM, _KHAKI = (0.0, 0.12), (-0.5, 0.9), (0.25, -0.5)
+# Contrasts that are odd together, of the light, of the upper and of the lower part, with the common hues of clothes.
+_BLOCKS: Sequence[tuple[tuple[int, int], Sequence[Common]]] = (
+    ((0, 1), ()),
+    ((2, 3), ((0.4, _NEUTRAL),)),
+    ((4, 5), ((0.35, _NEUTRAL), (0.25, _DENIM), (0.12, _KHAKI))),
+)
+
+
+def tone_of(look: np.ndarray) -> np.ndarray:
+    """Return the six contrasts of a look; NaN where a part is not seen."""
+    lab = look.reshape(1, 2, 3).astype(np.float32)
+    u = np.log(np.maximum(_linear(lab), 0.0) + _DARK)[0]
+    upper, lower = u[0].mean(), u[1].mean()
+    return np.array(
+        [
+            0.5 * (upper + lower),
+            upper - lower,
+            u[0, 0] - u[0, 1],
+            u[0, 2] - u[0, 1],
+            u[1, 0] - u[1, 1],
+            u[1, 2] - u[1, 1],
+        ]
+    )
+
+
+def _linear(lab: np.ndarray) -> np.ndarray:
+    # OpenCV's LAB2LRGB is the inverse of the conversion in `looks` without the gamma of sRGB.
+    return np.asarray(cv2.cvtColor(lab, cv2.COLOR_LAB2LRGB), float)
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Contrasts of one track, NaN if not seen, and their variances V; from `sightings` sightings."""
+
+    contrasts: np.ndarray
+    variance: np.ndarray
+    sightings: int
+
+    @staticmethod
+    def of_track(look: np.ndarray | None, sightings: int) -> Appearance:
+        contrasts = np.full(len(_MEAN), math.nan) if look is None else tone_of(look)
+        variance = _WITHIN * (1.0 + _FEW / sightings)
+        upper, lower = contrasts[0] + 0.5 * contrasts[1], contrasts[0] - 0.5 * contrasts[1]
+        for part, mean in ((slice(2, 4), upper), (slice(4, 6), lower)):
+            if math.isfinite(mean):
+                variance[part] *= 1.0 + math.exp(min(4.0, 2.0 * (_DIM - mean)))
+        strong = np.nan_to_num(contrasts[2:])
+        variance[2:] += (_OF_HUE * strong) ** 2
+        return Appearance(contrasts, variance, sightings)
+
+
+def appearance_ratio(tracks: Sequence[Appearance]) -> float:
+    """Return the log-likelihood ratio of one object against as many objects as tracks."""
+    ordered = sorted(tracks, key=lambda a: -a.sightings)
+    if len(ordered) < 2:
+        return 0.0
+    # The first track may be odd itself: the best of the first ones that leads the others.
+    return max(_ratio([ordered[k], *ordered[:k], *ordered[k + 1 :]]) for k in range(min(_LEADERS, len(ordered))))
+
+
+def _ratio(tracks: Sequence[Appearance]) -> float:
+    total = 0.0
+    precision, mean = 1.0 / _BETWEEN, _MEAN.copy()
+    for k, one in enumerate(tracks):
+        x, v = one.contrasts, one.variance
+        known = np.isfinite(x)
+        x = np.where(known, x, _MEAN)
+        weight = np.where(known, 1.0, 0.0)
+        if k:
+            alike = _log_normal(x - mean, 1.0 / precision + v)
+            for block, common in _BLOCKS:
+                seen = [c for c in block if known[c]]
+                if seen:
+                    own = (1.0 - _ODD) * math.exp(float(alike[seen].sum()) - _log_anyone(x, v, seen, common))
+                    total += math.log(own + _ODD)
+                    weight[seen] = own / (own + _ODD)
+        mean = (precision * mean + weight * x / v) / (precision + weight / v)
+        precision = precision + weight / v
+    return total
+
+
+def _log_anyone(x: np.ndarray, v: np.ndarray, seen: Sequence[int], common: Sequence[Common]) -> float:
+    """Return the logarithm of the density of these contrasts among all people."""
+    off = x[seen] - _MEAN[seen]
+    density = (1.0 - sum(share for share, _ in common)) * math.exp(
+        float(_log_normal(off, _BETWEEN[seen] + v[seen]).sum())
+    )
+    for share, hue in common:
+        off = x[seen] - np.array(hue)[: len(seen)]
+        density += share * math.exp(float(_log_normal(off, _COMMON_SIGMA**2 + v[seen]).sum()))
+    return math.log(max(density, 1e-30))
+
+
+def _log_normal(off: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """Return the logarithm of a normal density, without the constant."""
+    return -0.5 * (off * off / variance + np.log(variance))

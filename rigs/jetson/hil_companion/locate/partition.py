@@ -1,0 +1,147 @@
+"""Partition of the tracks of a whole flight into objects: the likeliest one that a search of pairs and moves finds.
+
+    score = sum over the objects of [ ln ratio of appearance of all its tracks
+            + sum over neighbours in time of their transit + (number of tracks - 1) `_PRIOR` ]
+
+Two tracks in one picture are two objects, and so are two of which the later one is out of reach of the earlier one.
+The transits alone are a path cover with the least cost, the form of min-cost flow for tracks (Zhang, Li and Nevatia
+2008, Global Data Association for Multi-Object Tracking Using Network Flows). The appearance of an object is that of
+all its tracks, which no flow can express. So the search begins with joining, best pair of groups first, and then takes
+the best of these moves until none gains: a track to another group or to one of its own; two groups joined; two groups
+that swap all tracks after some time (Oh, Russell and Sastry 2009, Markov Chain Monte Carlo Data Association, whose
+moves these are, here without chance so that a flight repeats).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import FrozenSet, Sequence
+
+from hil_companion.locate.appearance import Appearance, appearance_ratio
+from hil_companion.locate.tracks import Track
+from hil_companion.locate.transit import transit_ratio
+
+_PRIOR = 0.0  # ln of the odds that two tracks are of one object, before anything is known of them
+_LEAST_GAIN = 1e-9
+_ROUNDS = 200
+
+Members = FrozenSet[int]  # numbers of tracks
+
+
+class Partition:
+    """Objects as sets of tracks. What is known of unchanged tracks is kept from call to call."""
+
+    def __init__(self) -> None:
+        self._sightings: dict[int, int] = {}
+        self._appearance: dict[int, Appearance] = {}
+        self._transits: dict[tuple[int, int], float] = {}
+        self._scores: dict[Members, float] = {}
+        self._tracks: dict[int, Track] = {}
+
+    def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
+        """Return the tracks of each object in the order of time; objects by their first track."""
+        self._forget(tracks)
+        groups = self._joined([frozenset([number]) for number in sorted(self._tracks)])
+        for _ in range(_ROUNDS):
+            better = self._moved(groups)
+            if better is None:
+                break
+            groups = better
+        return [self._ordered(group) for group in sorted(groups, key=min)]
+
+    def _forget(self, tracks: Sequence[Track]) -> None:
+        """Drop what is known of tracks that have changed or gone."""
+        self._tracks = {track.number: track for track in tracks}
+        counts = {track.number: track.sightings for track in tracks}
+        changed = {n for n in {**self._sightings, **counts} if self._sightings.get(n) != counts.get(n)}
+        self._sightings = counts
+        self._appearance = {n: a for n, a in self._appearance.items() if n not in changed}
+        self._transits = {pair: s for pair, s in self._transits.items() if not changed.intersection(pair)}
+        self._scores = {group: s for group, s in self._scores.items() if not changed & group}
+
+    def _ordered(self, group: Members) -> list[Track]:
+        return sorted((self._tracks[n] for n in group), key=lambda t: (t.first_ns, t.number))
+
+    def _appears(self, number: int) -> Appearance:
+        if number not in self._appearance:
+            self._appearance[number] = self._tracks[number].appearance
+        return self._appearance[number]
+
+    def _transit(self, a: Track, b: Track) -> float:
+        pair = (a.number, b.number)
+        if pair not in self._transits:
+            apart = a.label != b.label or bool(a.pictures & b.pictures)
+            self._transits[pair] = -math.inf if apart else transit_ratio(a, b)
+        return self._transits[pair]
+
+    def score(self, group: Members) -> float:
+        """Return the score of one object with these tracks; -inf if they cannot be one, 0 for one track or none."""
+        if len(group) < 2:
+            return 0.0
+        known = self._scores.get(group)
+        if known is None:
+            known = self._scores[group] = self._score(group)
+        return known
+
+    def _score(self, group: Members) -> float:
+        ordered = self._ordered(group)
+        total = _PRIOR * (len(ordered) - 1)
+        for a, b in zip(ordered, ordered[1:]):
+            total += self._transit(a, b)
+        if total == -math.inf:
+            return total
+        for i, a in enumerate(ordered):
+            for b in ordered[i + 2 :]:
+                if self._transit(a, b) == -math.inf:
+                    return -math.inf
+        return total + appearance_ratio([self._appears(track.number) for track in ordered])
+
+    def _joined(self, groups: list[Members]) -> list[Members]:
+        gains: dict[tuple[Members, Members], float] = {}
+        for i, a in enumerate(groups):
+            for b in groups[i + 1 :]:
+                self._note(gains, a, b)
+        while gains:
+            a, b = max(gains, key=lambda pair: (gains[pair], sorted(pair[0]), sorted(pair[1])))
+            groups = [one for one in groups if one not in (a, b)]
+            gains = {pair: gain for pair, gain in gains.items() if a not in pair and b not in pair}
+            for one in groups:
+                self._note(gains, one, a | b)
+            groups.append(a | b)
+        return groups
+
+    def _note(self, gains: dict[tuple[Members, Members], float], a: Members, b: Members) -> None:
+        gain = self.score(a | b) - self.score(a) - self.score(b)
+        if gain > _LEAST_GAIN:
+            gains[(a, b)] = gain
+
+    def _moved(self, groups: list[Members]) -> list[Members] | None:
+        """Return the groups after the best move; None if none gains."""
+        best, choice = _LEAST_GAIN, None
+        for i, a in enumerate(groups):
+            alone: list[Members] = [frozenset()] if len(a) > 1 else []
+            for k, b in enumerate([*groups, *alone]):
+                if k == i:
+                    continue
+                before = self.score(a) + self.score(b)
+                for new in self._exchanges(a, b, whole=k > i):
+                    gain = self.score(new[0]) + self.score(new[1]) - before
+                    if gain > best:
+                        best, choice = gain, (a, b, new)
+        if choice is None:
+            return None
+        a, b, new = choice
+        return [one for one in [*(one for one in groups if one not in (a, b)), *new] if one]
+
+    def _exchanges(self, a: Members, b: Members, *, whole: bool) -> list[tuple[Members, Members]]:
+        """Return pairs of groups made of the tracks of two. `whole`: those too that do not tell a from b."""
+        pairs = [(a - {n}, b | {n}) for n in sorted(a)]
+        if not whole:
+            return pairs
+        if b:
+            pairs.append((a | b, frozenset()))
+        times = sorted({self._tracks[n].first_ns for n in a | b})[1:]
+        for t_ns in times:
+            late_a, late_b = (frozenset(n for n in g if self._tracks[n].first_ns >= t_ns) for g in (a, b))
+            pairs.append(((a - late_a) | late_b, (b - late_b) | late_a))
+        return pairs
