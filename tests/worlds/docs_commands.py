@@ -93,7 +93,8 @@ def make_folder(folder: Path) -> None:
         (folder / name).write_text(text)
     presets = ROOT / "sim/sensors/preset_files"
     shutil.copytree(ROOT / "rigs/missions", folder / "missions")
-    shutil.copy(ROOT / "docs/examples/ardupilot_tests/bench.yaml", folder)
+    for name in ("bench.yaml", "quadplane.yaml"):
+        shutil.copy(ROOT / "docs/examples/ardupilot_tests" / name, folder)
     shutil.copy(presets / "ms5611.yaml", folder / "my_baro.yaml")
     (folder / "parts").mkdir()
     shutil.copy(presets / "bgt60tr13c.yaml", folder / "parts/my_radar.yaml")

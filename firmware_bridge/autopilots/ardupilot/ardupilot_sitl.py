@@ -107,6 +107,7 @@ PROFILE = Profile(
     program=PROGRAM,
     flies_planes=True,
     flies_vtols=True,
+    vtol_kinds=frozenset({"standard", "tiltrotor", "tailsitter"}),
     plane_program=plane.PROGRAM,
     vehicle_misfits=lambda settings, vehicle: frame_misfits(vehicle),  # noqa: ARG005
     wall_clock_telemetry=True,

@@ -22,13 +22,16 @@ from __future__ import annotations
 import numpy as np
 
 from firmware_bridge.autopilots.ardupilot.copter import frame_for
+from firmware_bridge.autopilots.ardupilot.tailsitter_parameters import tailsitter_parameters
+from firmware_bridge.autopilots.ardupilot.tilt_parameters import tilt_parameters, yaw_torque_nm
 from firmware_bridge.autopilots.ardupilot.wing_parameters import (
     flight_parameters,
     output_parameters,
     rate_parameters,
     rounded,
 )
-from firmware_bridge.autopilots.installation import Tilt, Vtol
+from firmware_bridge.autopilots.installation import Vtol
+from firmware_bridge.codecs.ardupilot_json import hover_throttle
 from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION
 from firmware_bridge.links.ardupilot.sitl import SPIN_MAX, SPIN_MIN, thrust_parameters
 from signals.errors import LinkError
@@ -37,7 +40,6 @@ _AXES = (("RLL", 0, 15.0, 1.0), ("PIT", 1, 15.0, 1.0), ("YAW", 2, 4.0, 0.1))  # 
 _POSITION_P, _VELOCITY_P = 1.0, 2.0  # [1/s]
 _VELOCITY_I, _VELOCITY_D = 0.5, 0.125  # over P: ArduCopter's ratios
 _JERK_MPS3 = 5.0  # ArduCopter's: the attitude follows at its bandwidth
-_MOTOR_TILT, _CONTINUOUS = 41, 0  # SERVOn_FUNCTION; Q_TILT_TYPE
 _DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
 _ASSIST = 1.15  # over the stall: between AIRSPEED_MIN's 1.2 and the 1.1 below which no plane should fly on its wings
 _DECELERATION_MPS2 = 2.0  # ArduPlane's
@@ -51,30 +53,25 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
         raise LinkError("ardupilot", f"has no frame with the lifters of the vehicle {vehicle.name!r}")
     rotors = len(vehicle.lifters) + len(vehicle.pushers)
     outputs = output_parameters(vehicle.wing, vehicle.pushers, rotors + len(vehicle.tilts))
-    for motor, lifter in enumerate(frame.rotors):
-        n = vehicle.lifters[lifter] + 1
+    motors = [vehicle.lifters[lifter] for lifter in frame.rotors]
+    for motor, rotor in enumerate(motors):
+        n = rotor + 1
         outputs |= {f"SERVO{n}_FUNCTION": FIRST_MOTOR_FUNCTION + motor, f"SERVO{n}_MIN": 1000, f"SERVO{n}_MAX": 2000}
-    if vehicle.tilts:
-        tilting = {rotor for tilt in vehicle.tilts for rotor in tilt.rotors}
-        mask = sum(1 << motor for motor, lifter in enumerate(frame.rotors) if vehicle.lifters[lifter] in tilting)
-        outputs |= {"Q_TILT_ENABLE": 1, "Q_TILT_MASK": mask, "Q_TILT_TYPE": _CONTINUOUS}
-        for i, tilt in enumerate(vehicle.tilts):
-            outputs |= tilt_output(rotors + 1 + i, tilt)
+    outputs |= tilt_parameters(vehicle, motors, rotors + 1)
     fixed = {"Q_ENABLE": 1, "Q_FRAME_CLASS": frame.frame_class, "Q_FRAME_TYPE": frame.frame_type}
     computed = flight_parameters(vehicle.wing) | rate_parameters(vehicle.wing) | hover_parameters(vehicle)
+    if not vehicle.pushers:
+        computed["TRIM_THROTTLE"] = thrust_throttle(vehicle)
+    if vehicle.kind == "tailsitter":
+        computed |= tailsitter_parameters((1 << len(motors)) - 1)
     return fixed | outputs | rounded(computed)
 
 
-def tilt_output(n: int, tilt: Tilt) -> dict[str, float]:
-    """Return SERVOn_* of a hinge: ArduPlane's tilt of 0 is hover, that of 1 is flight."""
-    ends_us = sorted(round(1500.0 + 500.0 * command) for command in (tilt.hover_command, tilt.ahead_command))
-    return {
-        f"SERVO{n}_FUNCTION": _MOTOR_TILT,
-        f"SERVO{n}_REVERSED": int(tilt.ahead_command < tilt.hover_command),
-        f"SERVO{n}_MIN": ends_us[0],
-        f"SERVO{n}_MAX": ends_us[1],
-        f"SERVO{n}_TRIM": ends_us[0],
-    }
+def thrust_throttle(vehicle: Vtol) -> float:
+    """Return TRIM_THROTTLE [%] of lifters that pull in flight: by the copter's curve, a share of their thrust."""
+    curve = vehicle.hover.thrust_model_factor
+    share = hover_throttle(vehicle.wing.throttle, curve, spin_min=SPIN_MIN, spin_max=SPIN_MAX)
+    return 100.0 * min(max(share, 0.05), 0.95)
 
 
 def hover_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -107,6 +104,8 @@ def hover_parameters(vehicle: Vtol) -> dict[str, float]:
     share = SPIN_MAX**2 - SPIN_MIN**2
     for name, axis, bandwidth, integral in _AXES:
         torque = 0.5 * share * float(np.sum(np.abs(hover.full_effect[axis])))
+        if name == "YAW":
+            torque = yaw_torque_nm(vehicle) or torque
         gain = min(max(bandwidth * hover.inertia_kgm2[axis] / torque, 0.01), 2.0)
         values |= {f"Q_A_RAT_{name}_P": gain, f"Q_A_RAT_{name}_I": integral * gain}
         values[f"Q_A_RAT_{name}_D"] = _DAMPING * gain if name != "YAW" else 0.0

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.autopilots.ardupilot import ardupilot_sitl
-from firmware_bridge.autopilots.ardupilot.vtol_parameters import tilt_output, vtol_parameters
+from firmware_bridge.autopilots.ardupilot.vtol_parameters import vtol_parameters
 from firmware_bridge.autopilots.ardupilot.wing_parameters import plane_parameters
-from firmware_bridge.autopilots.installation import Surface, Tilt, Vtol
+from firmware_bridge.autopilots.installation import Surface, Vtol
 from firmware_bridge.autopilots.px4.wing_parameters import full_torques_nm, rate_gains
 from firmware_bridge.links.ardupilot.sitl import PLANE_DEFAULTS_PATH
 from hil.config import load_bench
@@ -121,25 +121,3 @@ def test_a_quadplane_has_its_lifters_as_motors_and_its_pusher_as_throttle(tmp_pa
     assert parameters["Q_P_POSXY_P"] < parameters["Q_P_VELXY_P"] < 15.0 / 3.0
     ardupilot_sitl.start_command(installation, tmp_path)
     assert "Q_M_THST_HOVER" in (tmp_path / "bench.parm").read_text()
-
-
-def test_a_tiltrotor_has_its_hinges_after_its_rotors() -> None:
-    """The front rotors, ArduPilot's motors 1 and 3, tilt; no output is a throttle. 0 is hover, at the command -1.
-
-    ArduPlane is not offered tiltrotors yet, so that the bench is one of PX4.
-    """
-    bench = load_bench(RIGS / "vtol.yaml", rig="px4_sitl", settings=("autopilot.start=false", "vehicle=tiltrotor"))
-    vehicle = installation_of(bench, make_physics(bench).state).vehicle
-    assert isinstance(vehicle, Vtol)
-    parameters = vtol_parameters(vehicle)
-    assert [parameters[f"SERVO{n}_FUNCTION"] for n in range(1, 10)] == [33, 34, 35, 36, 41, 41, 77, 78, 0]
-    assert (parameters["Q_TILT_ENABLE"], parameters["Q_TILT_MASK"]) == (1, 0b0101)
-    assert [parameters[f"SERVO5_{end}"] for end in ("REVERSED", "MIN", "MAX")] == [0, 1000, 2000]
-
-
-def test_a_hinge_with_hover_above_flight_is_reversed() -> None:
-    hinge = Tilt(
-        "tilt", (0,), (0.0, -1.0, 0.0), -pi / 2, pi / 6, hover_command=0.5, ahead_command=-1.0, ahead_rad=-pi / 2
-    )
-    ends = {"SERVO5_FUNCTION": 41, "SERVO5_REVERSED": 1, "SERVO5_MIN": 1000, "SERVO5_MAX": 1750, "SERVO5_TRIM": 1000}
-    assert tilt_output(5, hinge) == ends
