@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 
 _DARK = 0.002
-# m, B and W in the order of `tone_of`, from the tracks of people of tuning maps; eps and the hues by the number of errors.
+# m, B and W in the order of `tone_of`, from the tracks on tuning maps; eps and the hues by the number of errors there.
 _MEAN = np.array([-3.4, 0.1, 0.2, 0.1, 0.0, 0.05])
 _BETWEEN = np.array([0.85, 1.3, 0.7, 0.6, 0.3, 0.5]) ** 2
 _WITHIN = np.array([0.40, 0.35, 0.06, 0.07, 0.06, 0.07]) ** 2
