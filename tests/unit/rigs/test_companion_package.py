@@ -14,6 +14,7 @@ from tests.worlds.scripted_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
 WITH_OPENCV = {"detect", "explore", "locate"}  # folders
+WITH_SCIPY = {"locate/tracks.py"}  # of the extra `detect`
 BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
 # Python 3.8 cannot evaluate X | Y and list[X] at import, which happens outside annotations.
@@ -26,6 +27,7 @@ def test_source_is_python_3_8_with_three_packages(path: Path) -> None:
     tree = ast.parse(path.read_text(), feature_version=(3, 8))
     place = path.relative_to(CLIENT / "hil_companion")
     allowed = ALLOWED | ({"cv2"} if place.parts[0] in WITH_OPENCV else set())
+    allowed |= {"scipy"} if str(place) in WITH_SCIPY else set()
     allowed |= BACKENDS.get(str(place), set())
     annotations = {id(n) for a in _annotations(tree) for n in ast.walk(a)}
     future = any(isinstance(n, ast.ImportFrom) and n.module == "__future__" for n in tree.body)

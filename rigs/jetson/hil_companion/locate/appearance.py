@@ -10,15 +10,18 @@ of both parts move together. Six contrasts of u are taken, of which only the fir
     and for each part  r - g  and  b - g
 
 Contrast c of a track is x_c = m_c + b_c + w_c: the people's mean m, the person's own deviation with variance B, and
-the light and the noise at the place with variance V = W (1 + `_FEW` / n) for n sightings (Ioffe 2006, Probabilistic
-Linear Discriminant Analysis, here with variances instead of matrices). The tracks of an object are taken one after
-another, those with most sightings first. Those before predict the next with mean mu and variance s,
+the light and the noise at the place with variance V (Ioffe 2006, Probabilistic Linear Discriminant Analysis, here with
+variances instead of matrices). For n sightings V = W (1 + `_FEW` / n); that of a hue is larger for a dark part and for
+a strong hue. The tracks of an object are taken one after another, those with most sightings first. Those before
+predict the next with mean mu and variance s. For each block of contrasts, the light's and each part's,
 
-    ratio = ln[ (1 - eps) N(x; mu, s + V) / N(x; m, B + V) + eps ],   s = 1 / (1/B + sum 1/V),   eps: `_ODD`
+    ratio = ln[ (1 - eps) N(x; mu, s + V) / p(x) + eps ],    s = 1 / (1/B + sum 1/V),    eps: `_ODD`
+    p(x)  = q_0 N(x; m, B + V) + sum q_k N(x; common hue k, sigma^2 + V)
 
-and the sum over tracks and contrasts is the log-likelihood ratio of one object against as many as tracks. eps is the
-share of contrasts that say nothing: a leaf before the coat, a second person in the box. Such a contrast moves mu by
-less, with its chance of not being one as the weight. A part that is not seen counts nothing.
+and the sum over tracks and blocks is the log-likelihood ratio of one object against as many as tracks. p is the density
+among all people, of whom many wear the same few hues. eps is the share of blocks that say nothing: a leaf before the
+coat, a second person in the box. Such a block moves mu by less, with its chance of not being one as the weight. A part
+that is not seen counts nothing.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ import cv2
 import numpy as np
 
 _DARK = 0.002
+# m, B and W in the order of `tone_of`, from the tracks on tuning maps; eps and the hues by the number of errors there.
 _MEAN = np.array([-3.4, 0.1, 0.2, 0.1, 0.0, 0.05])
 _BETWEEN = np.array([0.85, 1.3, 0.7, 0.6, 0.3, 0.5]) ** 2
 _WITHIN = np.array([0.40, 0.35, 0.06, 0.07, 0.06, 0.07]) ** 2

@@ -104,12 +104,6 @@ class Track:
         return float(np.hypot(*self.state[2:]))
 
     @property
-    def pace_mps(self) -> float:
-        """Return the mean speed between the first and the last sighting, straight."""
-        watched_s = (self.t_ns - self.first_ns) * 1e-9
-        return float(np.hypot(*(self.state[:2] - self.first.state[:2]))) / watched_s if watched_s > 0.0 else 0.0
-
-    @property
     def walks(self) -> bool:
         """Return True if the object has moved and still moves."""
         return self.extent_m > _WALKED_M + _WALKED_SIGMAS * self.first.sigma_m and self.speed_mps > _WALKS_MPS
