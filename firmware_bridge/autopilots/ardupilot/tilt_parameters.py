@@ -49,12 +49,17 @@ def tilt_parameters(vehicle: Vtol, motors: Sequence[int], first_output: int) -> 
 
 
 def sides_of(vehicle: Vtol) -> list[float] | None:
-    """Return the distance of each hinge's rotors from the middle [m], to the left above 0; None unless there are two,
-    one on each side.
+    """Return the distance of each hinge's rotors from the middle [m], to the left above 0.
+
+    None unless there are two hinges of lifters, one on each side.
     """
+    if len(vehicle.tilts) != 2 or not {rotor for tilt in vehicle.tilts for rotor in tilt.rotors} <= set(
+        vehicle.lifters
+    ):
+        return None
     place = dict(zip(vehicle.lifters, (rotor.position_m for rotor in vehicle.hover.rotors), strict=True))
     sides = [sum(place[rotor][1] for rotor in tilt.rotors) / len(tilt.rotors) for tilt in vehicle.tilts]
-    return sides if len(sides) == 2 and sides[0] * sides[1] < 0.0 else None
+    return sides if sides[0] * sides[1] < 0.0 else None
 
 
 def tilt_output(n: int, tilt: Tilt, function: int) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""ArduPlane's parameters for a standard VTOL, its QuadPlane: lifters as a copter's frame, transitions, and the plane's.
+"""ArduPlane's parameters for a VTOL, its QuadPlane: lifters as a copter's frame, transitions, and the plane's.
 
 Rate loops of the hover (AC_AttitudeControl): an output of 1 about an axis takes half of each lifter's range, so that
 its torque is M = sum |effect of a lifter| / 2 at full thrust, times the share of thrust within the spin range. With
