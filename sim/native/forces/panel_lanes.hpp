@@ -25,8 +25,9 @@ struct alignas(32) PanelLanes {
     double influence[kLiftingLanes][kLiftingLanes], tilting[kLiftingLanes][kLiftingLanes];
     double ground_per_m = 0.0, ground_fade_per_m2 = 0.0;  // 16 / b, 1 / (4 b)^2; 0: no ground effect
 
-    // By the surfaces: sine and cosine of t, change of C_m.
-    Lane shift_sine, shift_cosine, flap_moment;
+    // By the surfaces: the turn of the zero-lift line, sine and cosine of t, change of C_m.
+    Lane bend, shift_sine, shift_cosine, flap_moment;
+    bool bent = true;  // since sine and cosine were computed
     // At an instant: velocity of the body through the air, its rate, z of W in B, height, half the density.
     double air_B[3], w[3], up_B[3], height_m, half_density;
     bool near_ground;
@@ -42,6 +43,7 @@ struct alignas(32) PanelLanes {
     double all_force[3], all_torque[3];
     // Velocities in the panel's axes, and of the lifting panels what they pass to the others and what comes back.
     Lane along, across, through, passed, induced, tilted;
+    Lane stirred;  // rate of the slipstreams at each panel by the speeds of their rotors: a bound for its step
 };
 
 struct PanelKernel {

@@ -46,6 +46,15 @@ HIL_QUAD void place(PanelLanes &l, int k, const Slipstream &from, int at) {
     store(l.grown[k] + at, splat<N>(1.0) - ahead / sqrt(ahead2 + splat<N>(from.radius_m * from.radius_m)));
 }
 
+// Sine and cosine of t by its half angle.
+template <int N>
+HIL_QUAD void shift(PanelLanes &l, int at) {
+    const Quads<N> half = 0.5 * (load<N>(l.bend + at) - load<N>(l.zero_lift + at)), half2 = half * half;
+    const Quads<N> inverse = splat<N>(1.0) / (splat<N>(1.0) + half2);
+    store(l.shift_sine + at, (half + half) * inverse);
+    store(l.shift_cosine + at, (splat<N>(1.0) - half2) * inverse);
+}
+
 // Velocities of the panels through the air in their own axes, and what lifting ones pass to the influence.
 template <int N>
 HIL_QUAD void flow(PanelLanes &l, int at, bool lifting) {
@@ -54,11 +63,15 @@ HIL_QUAD void flow(PanelLanes &l, int at, bool lifting) {
     Quads<N> ux = splat<N>(l.air_B[0]) + (w[1] * rz - w[2] * ry);
     Quads<N> uy = splat<N>(l.air_B[1]) + (w[2] * rx - w[0] * rz);
     Quads<N> uz = splat<N>(l.air_B[2]) + (w[0] * ry - w[1] * rx);
+    Quads<N> stirred = splat<N>(0.0);
     const int streams = l.slipstreams ? l.slipstreams->count : 0;
     for (int k = 0; k < streams; ++k) {
         const Slipstream &from = l.slipstreams->of[k];
         const double v = from.induced_mps;
-        if (v == 0.0) continue;
+        if (v == 0.0) {
+            stirred = stirred + splat<N>(from.rate_mps2);
+            continue;
+        }
         const double *n = from.axis;
         const double v2 = v * v, speed2 = from.axial_mps * from.axial_mps + from.across2 + kSlack2;
         const double through = from.axial_mps + v, through2 = through * through;
@@ -67,12 +80,14 @@ HIL_QUAD void flow(PanelLanes &l, int at, bool lifting) {
         const Quads<N> grown = load<N>(l.grown[k] + at);
         const Quads<N> off = narrowed * (load<N>(l.off2[k] + at) * (splat<N>(speed2) + v2 * grown)), off2 = off * off;
         const Quads<N> added = strength * grown / (splat<N>(1.0) + off2 * off2);
+        stirred = stirred + (from.rate_mps2 / v) * added;
         ux = ux + n[0] * added;
         uy = uy + n[1] * added;
         uz = uz + n[2] * added;
     }
     const Quads<N> u = dot(ux, uy, uz, load<N>(l.x[0] + at), load<N>(l.x[1] + at), load<N>(l.x[2] + at));
     const Quads<N> v = splat<N>(0.0) - dot(ux, uy, uz, load<N>(l.z[0] + at), load<N>(l.z[1] + at), load<N>(l.z[2] + at));
+    store(l.stirred + at, stirred);
     store(l.along + at, u);
     store(l.across + at, dot(ux, uy, uz, load<N>(l.y[0] + at), load<N>(l.y[1] + at), load<N>(l.y[2] + at)));
     store(l.through + at, v);
@@ -189,6 +204,10 @@ double sum_of(const double *lanes, int count) {
 void loads(PanelLanes &l) {
     constexpr int kOne = kQuadParts, kTwo = 2 * kQuadParts;
     look(l);
+    if (l.bent) {
+        for (int first = 0; first < l.lifting; first += 4) shift<kOne>(l, first);
+        l.bent = false;
+    }
     int at = 0;
     for (; at + 8 <= l.lifting; at += 8) flow<kTwo>(l, at, true);
     if (at < l.lifting) flow<kOne>(l, at, true);

@@ -21,7 +21,9 @@ constexpr double kGroundReachSpans = 4.0;     // height of the end of the ground
 constexpr double kTurnPerStep = 0.05;           // rad of the flow at a panel
 constexpr double kTurnByRates = 0.04;           // the same by the rates at the start of a step
 constexpr double kSpeedUp_mps2 = 20.0, kCalm2 = 0.09, kEndless = 1e300;
-constexpr double kSlipstream_mps = 30.0;      // that the bound of the damping allows for
+constexpr double kSlipstream_mps = 30.0;  // that the bound of the damping allows for, for the classical method
+constexpr double kDampingPerStep = 2.0;
+constexpr double kFast_mps = 3.0;         // speed of a panel at which its turn counts in full
 
 double dot(const double *a, const double *b) { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
 
@@ -91,7 +93,6 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         set(l.ahead, at, p.ahead_m);
         l.slope[at] = p.lift_slope_per_rad;
         l.zero_lift[at] = p.zero_lift_rad;
-        shift(at, 0.0);
         l.stall_middle[at] = p.stall_middle;
         const double h2 = p.stall_half_width * p.stall_half_width, h4 = h2 * h2;
         l.stall_width8[at] = h4 * h4;
@@ -138,16 +139,20 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
 void Panels::prepare(const StepTimes &times, const Inertia &inertia) {
     SurfacedForce::prepare(times, inertia);
     damping_per_m_ = 0.0;
+    classical_ = times.classical;
     const double least = inertia.least_kgm2();
     for (int at : lane_) {
         const double r[3] = {lanes_.middle[0][at], lanes_.middle[1][at], lanes_.middle[2][at]};
         const double slope = lanes_.slope[at] + 2.0 * lanes_.plate[at] + lanes_.drag[at];
         arm_m_[at] = std::sqrt(dot(r, r));
-        damping_per_m_ += kHalfDensity * lanes_.area[at] * slope * (1.0 / inertia.mass_kg + dot(r, r) / least);
+        per_m_[at] = kHalfDensity * lanes_.area[at] * slope * (1.0 / inertia.mass_kg + dot(r, r) / least);
+        damping_per_m_ += per_m_[at];
     }
 }
 
-double Panels::damping_per_s(double airspeed_mps) const { return damping_per_m_ * (airspeed_mps + kSlipstream_mps); }
+double Panels::damping_per_s(double airspeed_mps) const {
+    return classical_ ? damping_per_m_ * (airspeed_mps + kSlipstream_mps) : 0.0;
+}
 
 double Panels::longest_step(const double *s, const double *wind_W, double longest_s) const {
     const double step = SurfacedForce::longest_step(s, wind_W, longest_s);
@@ -172,24 +177,30 @@ double Panels::longest_step(const double *s, const double *wind_W, double longes
     return limit < step ? limit : step;
 }
 
+// How much longer a step may be for a panel in slow air, whose force is as V^2 and whose error, of order 9 in the turn.
+double slower(double speed_mps) {
+    const double slow = kFast_mps / speed_mps;
+    return std::sqrt(std::sqrt(std::sqrt(1.0 + slow * slow)));
+}
+
 double Panels::longest_step_by_rates(const double *s, const double *ds, double longest_s) const {
     const PanelLanes &l = lanes_;
     const double turn = std::sqrt(dot(s + kW, s + kW));
-    const double speed_up = std::sqrt(dot(ds + kV, ds + kV)) + 2.0 * wash_rate_mps2_, spin_up = std::sqrt(dot(ds + kW, ds + kW));
+    const double speed_up = std::sqrt(dot(ds + kV, ds + kV)) + 0.5 * wash_rate_mps2_;
+    const double spin_up = std::sqrt(dot(ds + kW, ds + kW));
+    double damping_per_s = 0.0;
     for (int at : lane_) {
         const double along = l.along[at], through = l.through[at];
         const double speed = std::sqrt(along * along + through * through + kCalm2);
-        const double rate = turn + (speed_up + spin_up * arm_m_[at]) / speed;
-        if (longest_s * rate > kTurnByRates) longest_s = kTurnByRates / rate;
+        const double rate = turn + ((speed_up + std::fabs(l.stirred[at])) + spin_up * arm_m_[at]) / speed;
+        if (longest_s * rate > kTurnByRates) {
+            const double limit = kTurnByRates * slower(speed) / rate;
+            if (limit < longest_s) longest_s = limit;
+        }
+        damping_per_s += per_m_[at] * speed;
     }
+    if (longest_s * damping_per_s > kDampingPerStep) longest_s = kDampingPerStep / damping_per_s;
     return longest_s;
-}
-
-// Sine and cosine of t by its half angle, where the surfaces turn the zero-lift line by `bend`.
-void Panels::shift(int lane, double bend) const {
-    const double half = 0.5 * (bend - lanes_.zero_lift[lane]), half2 = half * half, inverse = 1.0 / (1.0 + half2);
-    lanes_.shift_sine[lane] = (half + half) * inverse;
-    lanes_.shift_cosine[lane] = (1.0 - half2) * inverse;
 }
 
 void Panels::deflect(const double *angle, bool healthy) const {
@@ -200,14 +211,13 @@ void Panels::deflect(const double *angle, bool healthy) const {
         seen_rad_[i] = d;
     }
     if (!moved) return;
-    double bend[kLiftingLanes] = {};
-    for (const Flap &flap : flaps_) lanes_.flap_moment[flap.lane] = 0.0;
+    lanes_.bent = true;
+    for (const Flap &flap : flaps_) lanes_.bend[flap.lane] = lanes_.flap_moment[flap.lane] = 0.0;
     for (const Flap &flap : flaps_) {
         const double d = seen_rad_[flap.surface];
-        bend[flap.lane] += flap.angle * d;
+        lanes_.bend[flap.lane] += flap.angle * d;
         lanes_.flap_moment[flap.lane] += flap.moment * d;
     }
-    for (const Flap &flap : flaps_) shift(flap.lane, bend[flap.lane]);
 }
 
 void Panels::add(const Instant &now, Wrench &out) const {

@@ -41,7 +41,12 @@
 // Limits of a step, besides those of servos.hpp: the flow at a panel turns by at most 0.05 rad,
 //   (|w| + A / V) h <= 0.05,  V the least speed of a panel across its span, A = 20 m/s2: gravity, and as much again
 // and, by what is known at the start of the step, for each panel with its own V, slipstreams included:
-//   (|w| + A / V) h <= 0.04,  A = |dv/dt| + |dw/dt| |r| + 2 max |dv_i/dt|, v_i the velocity induced at a rotor
+//   (|w| + A / V) h <= 0.04 (1 + (3 m/s / V)^2)^(1/8),   A = |dv/dt| + |dw/dt| |r| + s + max |dv_i/dt| / 2
+//       s the rate at which the slipstreams at this panel change with the speeds of their rotors, v_i the velocity
+//       induced at a rotor, whose thrust changes dv/dt as fast. The last factor: a panel in slow air has a force as V^2,
+//       and the error of a step grows with the ninth power of the turn
+//   lambda h <= 2,            lambda = sum over the panels of (rho_0 / 2) V S (a + 2 C_90 + C_d0) (1 / m + r^2 / I_least)
+// The classical method, which does not ask for these, has lambda with the airspeed and 30 m/s of slipstream for V.
 #pragma once
 
 #include <vector>
@@ -90,7 +95,6 @@ class Panels : public SurfacedForce {
 
   private:
     void deflect(const double *angle, bool healthy) const;
-    void shift(int lane, double bend) const;
 
     const PanelKernel &kernel_;
     struct Flap {
@@ -103,8 +107,10 @@ class Panels : public SurfacedForce {
     mutable double seen_rad_[kMaxSurfaces] = {};  // deflections for which the lanes are shifted
     double damping_per_m_ = 0.0, ground_reach_m_ = 0.0, reach_m_ = 0.0;
     mutable PanelLanes lanes_{};
-    double arm_m_[kPanelLanes] = {};        // of each panel from the centre of mass
+    bool classical_ = false;
     mutable double wash_rate_mps2_ = 0.0;  // greatest |dv_i/dt|
+    double arm_m_[kPanelLanes] = {};       // of each panel from the centre of mass
+    double per_m_[kPanelLanes] = {};       // damping that each panel adds, over its speed
 };
 
 }  // namespace hil::sim

@@ -56,6 +56,7 @@ class Tilts : public SurfacedForce {
             c.neutral = start;
             c.rotors->let_tilt(c.rotor, std::sqrt(hinge2) + std::sqrt(arm2));
         }
+        for (double &angle : seen_rad_) angle = std::nan("");
     }
 
     void begin_tick(const double *own) override {
@@ -94,12 +95,21 @@ class Tilts : public SurfacedForce {
   private:
     // `moving`: 1, or 0 for tilts at rest.
     void turn_all(double moving) {
+        bool turned_any = false, changed[kMaxSurfaces];
         for (int i = 0; i < servos_.count(); ++i) {
-            cosine_[i] = det::cos(servos_.angle()[i]);
-            sine_[i] = det::sin(servos_.angle()[i]);
+            const double angle = servos_.angle()[i], rate = moving * servos_.rate(i);
+            changed[i] = !(angle == seen_rad_[i] && rate == seen_radps_[i]);
+            if (!changed[i]) continue;
+            turned_any = true;
+            seen_rad_[i] = angle;
+            seen_radps_[i] = rate;
+            cosine_[i] = det::cos(angle);
+            sine_[i] = det::sin(angle);
         }
+        if (!turned_any) return;
         for (const Carried &c : carried_) {
-            const double *a = c.axis, rate = moving * servos_.rate(c.tilt);
+            if (!changed[c.tilt]) continue;
+            const double *a = c.axis, rate = seen_radps_[c.tilt];
             RotorPose out;
             out.tilt_rate_radps = rate;
             turned(c, c.neutral.place_m, out.place_m);
@@ -127,6 +137,7 @@ class Tilts : public SurfacedForce {
 
     std::vector<Carried> carried_;
     double cosine_[kMaxSurfaces] = {}, sine_[kMaxSurfaces] = {};
+    double seen_rad_[kMaxSurfaces], seen_radps_[kMaxSurfaces];  // for which the rotors are posed; NaN: none yet
 };
 
 const ForceBinding binding{[](nb::module_ &m) {

@@ -51,6 +51,7 @@ constexpr double kGravity = 9.80665;     // of `h` alone
 constexpr double kRamp_m = 1e-3;
 constexpr double kFastest_per_s = 400.0; // of x and y
 constexpr double kContact_per_s = 1000.0;  // steps on the ground
+constexpr double kClear = 1.001;           // reaches from the ground: rotations are a rounding away from exact
 constexpr double kOscillationPerStep = 0.3, kDampingPerStep = 2.0;
 constexpr double kFlat2 = 0.01;          // of the axle's square above which the wheel lies on its side
 
@@ -178,6 +179,11 @@ class Wheels : public Force {
 
     void add(const Instant &now, Wrench &out) const override {
         const double *R = now.R, *v_W = now.s + kV, *w = now.s + kW;
+        if (now.s[kP + 2] - ground_m_ > kClear * reach_m_) {  // no wheel can touch
+            for (int i = 0; i < count_; ++i) load_[i] = 0.0;
+            for (int i = 0; i < 2 * count_; ++i) rate_[i] = -kFastest_per_s * patch_[i];
+            return;
+        }
         double w_W[3];
         bool turned = false;
         for (int i = 0; i < count_; ++i) {
