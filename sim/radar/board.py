@@ -25,7 +25,7 @@ _SLACK = 1.0 + 1e-9
 
 
 class Board(StrictModel):
-    """What the device can do; a chirp or a rate beyond it is an error."""
+    """Limits of a device; a chirp or a rate beyond them is an error."""
 
     band_hz: tuple[_Frequency, _Frequency]
     max_slope_hz_per_s: Annotated[float, Field(gt=0.0, le=1e18)]

@@ -91,7 +91,7 @@ def test_targets_in_doppler_division(bands: int) -> None:
 
 
 def test_without_the_turn_between_transmitters_angles_are_wrong() -> None:
-    """What the compensation is for: a target at half of the unambiguous speed, seen 10 degrees or more off."""
+    """The compensation is for this: a target at half of the unambiguous speed, seen 10 degrees or more off."""
     p = preset("awr1843boost")
     target = (10.0, 0.5 * p.seen.max_speed_mps, 20.0, 0.0)
     processor = Processor(p.chirp, p.antenna.array, p.processing)

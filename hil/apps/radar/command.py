@@ -39,16 +39,23 @@ class TimeSpan:
     until_s: float | None = None
 
 
+@dataclass(frozen=True)
+class Outputs:
+    """Places of the results."""
+
+    folder: Path | None = None  # None: beside the recording
+    dca1000: Path | None = None  # file for the raw frames as TI's capture card writes them; None: they are not written
+
+
 def process_radar(
     target: Path,
     console: Console,
     *,
-    out: Path | None = None,
+    outputs: Outputs = Outputs(),
     preset: str | None = None,
     sensor: str | None = None,
     settings: Sequence[str] = (),
     span: TimeSpan = TimeSpan(),
-    dca1000: Path | None = None,
     quiet: bool = False,
 ) -> list[Path]:
     """Process the frames whose middle lies in `span` and return the files written, the summary's picture first.
@@ -58,7 +65,8 @@ def process_radar(
     source = open_source(target, preset=preset, texts=settings, sensor=sensor)
     if span != TimeSpan():
         source = _frames_in_span(source, span)
-    folder = out if out is not None else _folder(target)
+    folder = outputs.folder if outputs.folder is not None else _folder(target)
+    dca1000 = outputs.dca1000
     capture = None if dca1000 is None else Dca1000File(dca1000, source.parameters, source.part)
     try:
         with locked_folder(folder), capture or nullcontext():

@@ -67,7 +67,7 @@ class Stall(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """What is measured of the flow in one tick."""
+    """Flow past the vehicle in one tick."""
 
     t_ns: int
     airspeed_margin: float

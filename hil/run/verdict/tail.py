@@ -1,4 +1,4 @@
-"""What carries a tailsitter, from ground truth: its rotors lift it in hover and pull it ahead in flight.
+"""Attitude of a tailsitter, from ground truth: its rotors lift it in hover and pull it ahead in flight.
 
 ahead           the nose is less than 35 degrees over the horizon: autopilots climb at 30 at most, tilt by 45 in hover
 on the wings    the same, once the airspeed has reached that at which a controller should fly, 1.2 times the stall
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from hil.run.verdict.air_data import air_data
 from signals.rotation import cos_nose_up_of
-from signals.samples import TruthState, Vec3
+from signals.samples import Quat, TruthState, Vec3
 
 _LOWERED = math.sin(math.radians(35.0))
 
@@ -37,6 +37,10 @@ class Tail:
     def ahead(self, truth: TruthState) -> bool:
         """Return True if the nose is lowered for flight."""
         return nose_is_lowered(truth)
+
+    def cos_tilt(self, q_WB: Quat) -> float:
+        """Return the cosine of the angle between the nose and the vertical."""
+        return cos_nose_up_of(q_WB)
 
 
 def nose_is_lowered(truth: TruthState) -> bool:

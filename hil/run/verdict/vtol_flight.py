@@ -63,6 +63,9 @@ class Carriage(Protocol):
     def ahead(self, truth: TruthState) -> bool:
         """Return True if it pulls ahead: a transition has begun, or the wings carry it."""
 
+    def cos_tilt(self, q_WB: Quat) -> float:
+        """Return the cosine of the angle between what is up in hover and the vertical."""
+
 
 @dataclass(frozen=True)
 class Rotors:
@@ -79,6 +82,10 @@ class Rotors:
     def on_wings(self, truth: TruthState) -> bool:
         """Return True while no lifter carries it."""
         return self.share(truth) < _ON_WINGS
+
+    def cos_tilt(self, q_WB: Quat) -> float:
+        """Return the cosine of the angle between the vehicle's z axis and the vertical."""
+        return cos_tilt_of(q_WB)
 
     def share(self, truth: TruthState) -> float:
         """Return the mean of (O / O_hover)^2 of the lifters, of what still points up."""
@@ -127,9 +134,8 @@ class VtolMeasurement(PlaneMeasurement):
         radius_m: float,
         stall: Stall,
         wind_at: Callable[[], Vec3],
-        cos_tilt: Callable[[Quat], float] = cos_tilt_of,
     ) -> None:
-        """`wings`: numbers of the items that are flown on the wings. `cos_tilt` as of `FlightMeasurement`."""
+        """`wings`: numbers of the items that are flown on the wings."""
         super().__init__(
             legs,
             stops,
@@ -138,7 +144,7 @@ class VtolMeasurement(PlaneMeasurement):
             stall=stall,
             wind_at=wind_at,
         )
-        self._landing = FlightMeasurement(legs[-1:], limits[1], cos_tilt=cos_tilt)
+        self._landing = FlightMeasurement(legs[-1:], limits[1], cos_tilt=carriage.cos_tilt)
         self._carriage, self._wings = carriage, wings
         self._looks_back_ns = round(carriage.looks_back_s * NS_PER_S)
         self._heights: deque[tuple[int, float]] = deque()  # time and height, back to there

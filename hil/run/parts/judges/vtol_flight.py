@@ -42,7 +42,6 @@ class VtolFlightPart(PlaneFlightPart):
             radius_m=turn_radius_m(facts.cruise_mps),
             stall=Stall(facts.stall_mps, Airframe(vehicle, run.bench.scene.site).stall_alpha_rad),
             wind_at=wind_at,
-            cos_tilt=vehicle.cos_tilt,
         )
 
     def _judged(self) -> Verdict:

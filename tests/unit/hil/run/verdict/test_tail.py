@@ -51,7 +51,6 @@ class Flight:
             radius_m=48.0,
             stall=Stall(STALL_MPS, math.radians(15.0)),
             wind_at=calm,
-            cos_tilt=load_vehicle("tailsitter").cos_tilt,
         )
         self.tick, self.p = 0, STILL
 
