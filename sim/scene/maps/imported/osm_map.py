@@ -28,6 +28,7 @@ from sim.scene.imports.osm_file import OsmData, Tags
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
 from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
 from sim.scene.maps import textures
+from sim.scene.maps.imported.grounds import GROUNDS
 from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.imported.osm_buildings import BuildingMaker, Footprint, footprint_of
 from sim.scene.maps.imported.terrain import add_terrain
@@ -35,22 +36,11 @@ from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_lamp, furniture_materials
 from sim.scene.random_generator import RandomGenerator
-from sim.scene.scene_map import Surface
 
 Float64 = NDArray[np.float64]
 
 _LIFT_M = 0.03  # of areas over the ground; roads are not solid
 _MARKING_M = 0.02  # of road paint over the road
-_TILES_M = {
-    "grass": 16.0,
-    "asphalt": 6.0,
-    "paving": 4.8,
-    "gravel": 4.0,
-    "soil": 16.0,
-    "sand": 16.0,
-    "water": 5.0,
-    "wood": 0.6,
-}
 _FREE_M = 6.0  # radius of the free ground where the vehicle takes off
 _WOOD_STEP_M, _ROW_STEP_M = 6.0, 8.0
 _SMALL_NODES = {  # key, value -> class, height [m], radius [m], material
@@ -212,22 +202,11 @@ class _District:
         furniture_materials(b)
         for name in ("grass", "gravel", "asphalt", "paving", "water", "earth", "concrete", "blockwork", "leaves"):
             b.texture(name, textures.png(name))
-        made: tuple[tuple[str, Surface, str, tuple[float, float, float], float], ...] = (
-            ("grass", surfaces.GRASS, "grass", (1.0, 1.0, 1.0), 0.0),
-            ("gravel", surfaces.GRAVEL, "gravel", (1.0, 1.0, 1.0), 0.0),
-            ("asphalt", surfaces.ASPHALT, "asphalt", (1.0, 1.0, 1.0), 0.0),
-            ("paving", surfaces.CONCRETE, "paving", (1.0, 1.0, 1.0), 0.0),
-            ("soil", surfaces.SOIL, "earth", (1.0, 1.0, 1.0), 0.0),
-            ("sand", surfaces.SAND, "earth", (1.25, 1.2, 1.05), 0.0),
-            ("water", surfaces.WATER, "water", (1.0, 1.0, 1.0), 0.9),
-            ("wood", surfaces.WOOD, "wood", (1.0, 1.0, 1.0), 0.0),
-        )
-        for name, surface, texture, rgb, specular in made:
-            rgb = tuple(min(1.0, c) for c in rgb)  # type: ignore[assignment]
-            b.material(
-                f"osm_{name}", surface, rgb=rgb, texture=texture, specular=specular, shininess=0.9 * (specular > 0.0)
-            )
-            b.material(f"osm_ground_{name}", surface, rgb=rgb, texture=texture, tile_m=_TILES_M[name], specular=0.0)
+        for name, ground in GROUNDS.items():
+            surface, texture, tile_m, specular = ground
+            gloss = 0.9 * (specular > 0.0)
+            b.material(f"osm_{name}", surface, texture=texture, specular=specular, shininess=gloss)
+            b.material(f"osm_ground_{name}", surface, texture=texture, tile_m=tile_m, specular=0.0)
         b.material("osm_paint", surfaces.ROAD_PAINT, rgb=(0.86, 0.86, 0.84), specular=0.0)
         b.material("osm_stone_wall", surfaces.STONE, texture="blockwork", tile_m=3.2, specular=0.0)
         b.material("osm_fence", surfaces.WOOD, rgb=(0.78, 0.74, 0.70), texture="wood", tile_m=0.6, specular=0.0)
@@ -272,7 +251,7 @@ class _District:
             above = rounded(above | shape)
         for kind, material, shape in reversed(made):
             for part in parts(shape):
-                self._flat(kind, f"osm_{material}", part, _TILES_M[material], _LIFT_M)
+                self._flat(kind, f"osm_{material}", part, GROUNDS[material].tile_m, _LIFT_M)
         self._markings(box)
 
     def _ways(self) -> list[tuple[str, str, Any]]:
