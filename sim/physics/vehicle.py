@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -334,9 +334,10 @@ class Vehicle(StrictModel):
         """Return the part of a vector along `up_axis`."""
         return v_B[0] if self.stands == "on_tail" else v_B[2]
 
-    def cos_tilt(self, q_WB: Quat) -> float:
-        """Return the cosine of the angle between `up_axis` and the vertical."""
-        return cos_nose_up_of(q_WB) if self.stands == "on_tail" else cos_tilt_of(q_WB)
+    @property
+    def cos_tilt(self) -> Callable[[Quat], float]:
+        """Function from q_WB to the cosine of the angle between `up_axis` and the vertical."""
+        return cos_nose_up_of if self.stands == "on_tail" else cos_tilt_of
 
     def standing_quat(self, yaw_rad: float) -> Quat:
         """Return q_WB where it stands with a heading; a tailsitter's is that with its nose lowered to the horizon."""
