@@ -9,7 +9,7 @@ from signals.documents.document import shown_path
 from signals.documents.validate import Located, at, validate
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
-from sim.physics.take_off import free_place, take_off_problem
+from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import Vehicle
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import GltfMap, MjcfMap
@@ -41,12 +41,12 @@ def on_free_ground(scene: Scene, vehicle: Vehicle) -> Scene:
 
     Such a file says nothing of a take-off place: its origin may be inside a house. Raises ConfigError for a wrong map.
     """
-    if not isinstance(scene.map, GltfMap) or take_off_problem(scene, vehicle) is None:
+    if not isinstance(scene.map, GltfMap):
         return scene
-    place = free_place(scene, vehicle)
-    if place is None:
+    problem = take_off_problem(scene, vehicle)
+    if problem is None or problem.place is None:
         return scene
-    return scene.model_copy(update={"map": scene.map.model_copy(update={"origin_m": place})})
+    return scene.model_copy(update={"map": scene.map.model_copy(update={"origin_m": problem.place})})
 
 
 def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:
@@ -61,10 +61,10 @@ def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located:
         return error.problems
     if take_off is None:
         return []
-    message, hint = take_off
     if moved:
-        return [at(located, ("start", "p_W"), message, hint)]
-    return [scene.file.problem(("boxes",) if scene.map is None else ("map",), message, hint)]
+        return [at(located, ("start", "p_W"), take_off.message, take_off.hint)]
+    place = ("boxes",) if scene.map is None else ("map",)
+    return [scene.file.problem(place, take_off.message, take_off.hint)]
 
 
 def save_scene(scene: Scene, source: Path, folder: Path) -> str:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
 from signals.units import DEG_PER_RAD, RAD_PER_DEG
 from sim.physics.contact_model import build_model
@@ -34,59 +36,60 @@ _NEIGHBOURS_M, _STOREY_M, _ROOF_SIDES = 8.0, 1.5, 2
 _AROUND_RAD = [0.25 * math.pi * i for i in range(8)]
 
 
+class TakeOffProblem(NamedTuple):
+    """Reason why a vehicle cannot take off, and what to do."""
+
+    message: str
+    hint: str
+    place: Vec3 | None  # the nearest free ground in W [m]; None: none was found
+
+
 def take_off_problem(
     scene: Scene,
     vehicle: Vehicle,
     start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
-) -> tuple[str, str] | None:
-    """Return what is wrong with the take-off place and what to do, or None. Raises ConfigError for a wrong scene."""
+) -> TakeOffProblem | None:
+    """Return what is wrong with the take-off place, or None. Raises ConfigError for a wrong scene."""
     world = load_world(scene)
     model = build_model(scene, vehicle, contact_step_s=_CONTACT_STEP_S)
     data = mujoco.MjData(model)
     _pose_actors(world, model, data)
     x, y, z = start.ground_W
-    where = "the origin" if start.ground_W == (0.0, 0.0, 0.0) else f"({x:g}, {y:g}, {z:g})"
+    at_origin = start.ground_W == (0.0, 0.0, 0.0)
+    where = "the origin" if at_origin else f"({x:g}, {y:g}, {z:g})"
+
+    def problem(message: str, otherwise: str = "move the map") -> TakeOffProblem:
+        top_m = None if at_origin else _top_m(model, data, x, y)
+        there = "" if top_m is None else f"the topmost solid surface there is at z = {top_m:.2f} m; "
+        place = _nearest_place(model, data, vehicle, start, friction=scene.ground_friction)
+        if place is None:
+            found = f"no free, level ground was found within {_SEARCH_M[-1]:g} m: {otherwise}, or set start.p_W"
+        else:
+            x_W, y_W, z_W = place
+            p_W = f"[{x_W:.2f}, {y_W:.2f}, {z_W:.2f}]"
+            found = f"set start.p_W: {p_W}, the nearest free ground that was found, or {otherwise}"
+        return TakeOffProblem(message, there + found, place)
+
     footing = find_footing(model, data, vehicle, start)
     deepest = min(_contacts(model, data, footing), default=(0.0, -1))
     if deepest[0] < -INSIDE_M:
         what = _name(world, model, deepest[1])
-        message = f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
-        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise="move the map")
+        return problem(
+            f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
+        )
     lowered_m = OVER_GROUND_M + vehicle.standing_height_m - vehicle.lying_height_m
     if not _contacts(model, data, footing, lowered_m):
-        message = f"has no ground to take off from: nothing solid is under {where}"
-        make = "move the map, make its ground solid, or set map.ground: true"
-        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise=make)
+        return problem(
+            f"has no ground to take off from: nothing solid is under {where}",
+            "move the map, make its ground solid, or set map.ground: true",
+        )
     steepest_rad, does = steepest_slope(vehicle, scene.ground_friction)
     if footing.slope_rad > steepest_rad:
-        message = (
+        return problem(
             f"slopes by {footing.slope_rad * DEG_PER_RAD:.1f} degrees at {where}: the vehicle {does} on slopes above "
             f"{steepest_rad * DEG_PER_RAD:.1f} degrees"
         )
-        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise="move the map")
     return None
-
-
-def free_place(scene: Scene, vehicle: Vehicle) -> Vec3 | None:
-    """Return a place near the origin where the vehicle can take off, or None. Raises ConfigError for a wrong scene."""
-    model = build_model(scene, vehicle, contact_step_s=_CONTACT_STEP_S)
-    data = mujoco.MjData(model)
-    _pose_actors(load_world(scene), model, data)
-    mujoco.mj_kinematics(model, data)
-    return _nearest_place(model, data, vehicle, FlightStart(), friction=scene.ground_friction)
-
-
-def _hint(
-    model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, start: FlightStart, *, friction: float, otherwise: str
-) -> str:
-    x, y, z = start.ground_W
-    top_m = _top_m(model, data, x, y) if start.ground_W != (0.0, 0.0, 0.0) else None
-    there = "" if top_m is None else f"the topmost solid surface there is at z = {top_m:.2f} m; "
-    place = _nearest_place(model, data, vehicle, start, friction=friction)
-    if place is None:
-        return f"{there}no free, level ground was found within {_SEARCH_M[-1]:g} m: {otherwise}, or set start.p_W"
-    x, y, z = place
-    return f"{there}set start.p_W: [{x:.2f}, {y:.2f}, {z:.2f}], the nearest free ground that was found, or {otherwise}"
 
 
 def _nearest_place(
@@ -99,7 +102,7 @@ def _nearest_place(
     for radius_m in _SEARCH_M:
         for i in range(_BEARINGS):
             angle = 2.0 * math.pi * i / _BEARINGS
-            x, y = round(x0 + radius_m * math.cos(angle), 2), round(y0 + radius_m * math.sin(angle), 2)
+            x, y = round(x0 + radius_m * det_cos(angle), 2), round(y0 + radius_m * det_sin(angle), 2)
             z = _top_m(model, data, x, y)
             if z is None:
                 continue

@@ -9,7 +9,6 @@ from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
 from hil.run.sensors.frame_stages import stage_specs
-from sim.scene.map_section import GltfMap
 from sim.world_loader import load_world
 
 
@@ -21,9 +20,6 @@ def check_bench(choice: BenchChoice) -> str:
     bench = choice.load()
     check_parts(bench)
     notes = [f"  note: {note}" for note in load_world(bench.scene).map.notes] if bench.scene.map is not None else []
-    if isinstance(bench.scene.map, GltfMap) and any(bench.scene.map.origin_m):
-        x, y, z = bench.scene.map.origin_m
-        notes.insert(0, f"  note: the take-off place is ({x:g}, {y:g}, {z:g}) m in the file (map.origin_m)")
     if not bench.vehicles:
         notes += [f"  note: {note}" for note in intake_notes(bench.config)]
         return "\n".join([f"ok: {_facts(bench)}", *notes])

@@ -124,6 +124,9 @@ class _MapMaker:
 
     def _note_lines(self) -> list[str]:
         notes, lines = self._notes, []
+        if any(self._options.origin_m):
+            x, y, z = self._options.origin_m
+            lines.append(f"the take-off place is ({x:g}, {y:g}, {z:g}) m in the file (map.origin_m)")
         if notes.flat:
             lines.append(f"{notes.flat} triangles without an area are left out")
         if notes.lines:

@@ -14,7 +14,7 @@ from signals.errors import ConfigError
 from signals.rotation import cos_tilt_of, matrix_of
 from sim.physics.flight_start import FlightStart
 from sim.physics.footing import steepest_slope
-from sim.physics.take_off import free_place, take_off_problem
+from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.map_section import GltfMap
@@ -99,7 +99,7 @@ def test_the_place_of_a_hint_passes_the_check(tmp_path: Path) -> None:
     problem = take_off_problem(scene, vehicle)
     assert problem is not None
     assert "inside 'block'" in problem[0]
-    place = free_place(scene, vehicle)
+    place = problem.place
     assert place is not None
     assert f"set start.p_W: [{place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}]" in problem[1]
     assert place[2] == pytest.approx(0.0, abs=1e-6)
