@@ -11,6 +11,7 @@ Noise is a function of the seed, the sensor's name and the number of the picture
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -34,6 +35,21 @@ def vignette(camera: CameraModel, strength: float) -> Float32 | None:
     cosine = np.clip(camera.rays()[:, :, 2], 0.0, 1.0)
     square = cosine * cosine
     return (1.0 - strength * (1.0 - square * square)).astype(np.float32)
+
+
+@functools.cache
+def _light_of_codes() -> list[float]:
+    """Return the linear light of the 256 codes."""
+    light = np.zeros((1, 86, 3), np.float32)  # the codes and two more, as 86 RGB pixels
+    accumulate_linear(np.arange(258, dtype=np.uint16).astype(np.uint8).reshape(1, 86, 3), 1.0, light)
+    return [float(value) for value in light.reshape(-1)[:256]]
+
+
+def mean_light(codes: UInt8) -> float:
+    """Return the mean linear light of sRGB codes."""
+    # Integers, and one sum in a fixed order: numpy's sums of floats depend on the processor.
+    counts = np.bincount(codes.reshape(-1), minlength=256).tolist()
+    return float(sum(n * light for n, light in zip(counts, _light_of_codes(), strict=True)) / codes.size)
 
 
 class LightSensor:
@@ -60,9 +76,6 @@ class LightSensor:
         self._vignette = vignette
         self._key = key
         self._light = np.zeros((*shape, 3), np.float32)
-        shades = np.zeros((1, 86, 3), np.float32)  # the 256 codes and two more, as 86 RGB pixels
-        accumulate_linear(np.arange(258, dtype=np.uint16).astype(np.uint8).reshape(1, 86, 3), 1.0, shades)
-        self._linear: list[float] = shades.reshape(-1)[:256].tolist()
 
     def begin(self) -> None:
         """Start a new picture."""
@@ -90,10 +103,7 @@ class LightSensor:
             self._adapt_gain(out, self._target)
 
     def _adapt_gain(self, rgb: UInt8, target: float) -> None:
-        # Integers, and one sum in a fixed order: numpy's sums of floats depend on the processor.
-        counts = np.bincount(rgb.reshape(-1), minlength=256).tolist()
-        mean = sum(n * light for n, light in zip(counts, self._linear, strict=True)) / rgb.size
-        change = math.sqrt(target / max(mean, _MIN_LIGHT))
+        change = math.sqrt(target / max(mean_light(rgb), _MIN_LIGHT))
         change = min(max(change, 1.0 / _MAX_GAIN_CHANGE), _MAX_GAIN_CHANGE)
         low, high = self._limits
         self.gain = min(max(self.gain * change, low), high)

@@ -53,12 +53,12 @@ def draw_light(limits: LightLimits, seed: int) -> Light:
     )
 
 
-def draw_weather(limits: HazeLimits, seed: int) -> Weather:
-    """Draw the visibility, as a pure function of the arguments."""
+def draw_weather(weather: Weather, limits: HazeLimits, seed: int) -> Weather:
+    """Return the weather in another haze, as a pure function of the arguments."""
     rng = feature_rng(seed, "haze")
     clear = rng.chance(limits.clear_share)
     visibility_m = rng.log_between(*limits.visibility_m)
-    return Weather(visibility_m=None if clear else visibility_m)
+    return weather.model_copy(update={"visibility_m": None if clear else visibility_m})
 
 
 def black_body(temperature_k: float) -> Rgb:

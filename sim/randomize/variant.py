@@ -30,7 +30,7 @@ def randomized(scene: Scene, settings: Randomize, seed: int) -> Scene:
     if settings.light is not None:
         changed["light"] = draw_light(settings.light, seed).model_copy(update={"fog_per_m": scene.light.fog_per_m})
     if settings.haze is not None:
-        changed["weather"] = draw_weather(settings.haze, seed)
+        changed["weather"] = draw_weather(scene.weather, settings.haze, seed)
         changed["light"] = changed.get("light", scene.light).model_copy(update={"fog_per_m": 0.0})
     return scene.model_copy(update=changed).with_appearance(
         Appearance(seed, settings.textures, settings.people), original
@@ -58,7 +58,7 @@ def drawn(scene: Scene, settings: Randomize, load: Callable[[Scene], World]) -> 
     if settings.light is not None:
         data["light"] = scene.light.model_dump(mode="json", exclude={"fog_per_m"})
     if settings.haze is not None:
-        data["haze"] = scene.weather.model_dump(mode="json")
+        data["haze"] = scene.weather.model_dump(mode="json", include={"visibility_m"})
     if settings.textures is not None or settings.people is not None:
         world = load(scene)
         if settings.textures is not None:

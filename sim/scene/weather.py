@@ -1,32 +1,51 @@
-"""Haze and fog, given by the meteorological visibility.
+"""Weather: haze and fog by the meteorological visibility, rain and snow by their rates.
 
 Visibility V is the range at which a black object has 2 % of contrast against the sky at the horizon (Koschmieder 1924):
 
     exp(-beta V) = 0.02,   beta = 3.912 / V
 
 beta is the extinction of visible light and, for droplets far larger than the wavelength, of a LiDAR's light as well. It
-is uniform up to the height `HAZE_M`, with clear air above. Radar at 60 GHz loses less than 0.02 dB over 10 m even in
-thick fog (Recommendation ITU-R P.840); the model leaves it unchanged.
+is uniform up to the height `HAZE_M`, with clear air above. Rain and snow add their own (sim/scene/precipitation.py).
+Radar at 60 GHz loses less than 0.02 dB over 10 m even in thick fog (Recommendation ITU-R P.840); the model leaves it
+unchanged.
 """
 
 from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
+from sim.scene.precipitation import Precipitation, rain, snow
 
 CONTRAST_EXPONENT = 3.912  # -ln 0.02
 HAZE_M = 300.0  # typical thickness of a layer of fog or of the haze over a city
 
 
 class Weather(StrictModel):
-    """Visibility of the air; rain and snow are not modelled."""
+    """Visibility of the air, rain and snow."""
 
-    visibility_m: Annotated[float, Field(ge=10.0, le=1e6)] | None = None  # null: perfectly clear
+    visibility_m: Annotated[float, Field(ge=10.0, le=1e6)] | None = None  # of haze and fog alone; null: clear
+    rain_mm_per_h: Annotated[float, Field(ge=0.0, le=200.0)] = 0.0  # drizzle 1, a shower 10, a cloudburst 100
+    snow_mm_per_h: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0  # dry snow, as water: about 1 cm of snow per mm
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Weather:
+        if self.rain_mm_per_h > 0.0 and self.snow_mm_per_h > 0.0:
+            raise ValueError("rain and snow at once are not modelled; give rain_mm_per_h or snow_mm_per_h")
+        return self
+
+    @property
+    def precipitation(self) -> Precipitation | None:
+        """Rain or snow; None if there is none."""
+        if self.rain_mm_per_h > 0.0:
+            return rain(self.rain_mm_per_h)
+        return snow(self.snow_mm_per_h) if self.snow_mm_per_h > 0.0 else None
 
     @property
     def extinction_per_m(self) -> float:
         """Extinction beta; 0 in clear air."""
-        return 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m
+        haze_per_m = 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m
+        falling = self.precipitation
+        return haze_per_m if falling is None else haze_per_m + falling.extinction_per_m

@@ -9,7 +9,8 @@ All channels of a sample show one instant, `t_capture_ns`, the time of the tick,
 * motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture. People and vehicles
   stand still during the exposure. The other channels belong to the middle of the exposure.
 
-Noise, gain and vignetting change colour only, `depth_noise` the planar depth only; every other channel is the truth.
+Rain and snow draw streaks (sim/frame/rain_streaks.py). They, noise, gain and vignetting change colour only,
+`depth_noise` the planar depth only; every other channel is the truth.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ from signals.noise import noise_key
 from signals.samples import ImageSample, TruthState
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
+from sim.frame.rain_streaks import RainStreaks
 from sim.frame.source import ExposingRenderer, Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
+_USUAL_EXPOSURE_S = 0.008  # of a camera without motion blur, for the streaks of rain
 BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the minimum that a renderer draws
 
 
@@ -65,6 +68,7 @@ class Camera(InstalledSensor):
         self._bands = self._row_bands(p)
         self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
         self._raw = channel_array("rgb", self.model) if self._sensor is not None else None
+        self._rain = self._falling(installation, p) if "rgb" in p.channels else None
         self._depth = None
         if p.depth_noise is not None and "depth" in p.channels:
             self._depth = DepthSensor(p.depth_noise, noise_key(installation.seed, f"{self.name}.depth"))
@@ -83,6 +87,8 @@ class Camera(InstalledSensor):
             self._draw(truth, 0.0, pictures)
         else:
             self._draw_with_effects(truth, seq, pictures, sensor, raw)
+        if self._rain is not None:
+            self._rain.draw(pictures["rgb"], self.mount.pose(truth), seq)
         if self._depth is not None:
             self._depth.measure(pictures["depth"], seq)
         for picture in pictures.values():
@@ -147,6 +153,19 @@ class Camera(InstalledSensor):
             return []
         ends = [(first, min(first + BAND_ROWS, height)) for first in range(0, height, BAND_ROWS)]
         return [(rows, p.rolling_shutter_s * (0.5 * (rows[0] + rows[1]) / height - 0.5)) for rows in ends]
+
+    def _falling(self, installation: Installation, p: CameraParameters) -> RainStreaks | None:
+        scene = installation.scene
+        falling = scene.weather.precipitation
+        if falling is None:
+            return None
+        return RainStreaks(
+            falling,
+            self.model,
+            exposure_s=_USUAL_EXPOSURE_S if p.motion_blur is None else p.motion_blur.exposure_s,
+            wind_W_mps=scene.wind_W_mps,
+            key=noise_key(installation.seed, f"{installation.name}.rain"),
+        )
 
     @staticmethod
     def _exposure_moments(p: CameraParameters) -> list[float]:

@@ -26,6 +26,7 @@ from signals._kernel import rotate_into_world
 from signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
+from sim.sensors.lidar_drops import FalseReturns
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
@@ -78,12 +79,13 @@ class Lidar(InstalledSensor):
         self._caster: RayCaster = frames.geometry.caster
         world = frames.geometry.world
         self._two_way_per_m = 2.0 * installation.scene.extinction_per_m
-        self._class = np.array(world.geom_class, dtype=np.uint8)
+        self._class = np.append(np.array(world.geom_class, dtype=np.uint8), np.uint8(0))  # and of a drop
         by_surface = np.array([surface.lidar_reflectivity for surface in world.surfaces])
         self._reflectivity = by_surface[np.array(world.geom_surface)]
         self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
         self._pattern = p.pattern.over(self.period_ns)
         self._receiver = Receiver(p, rays=count, seed=installation.seed, name=self.name)
+        self._drops = self._false_returns(installation)
         self._footprint = _FOOTPRINT if p.beam_divergence_rad > 0.0 else _FOOTPRINT[:1]
         m = len(self._footprint)
         self._range = np.empty((m, count))
@@ -111,7 +113,7 @@ class Lidar(InstalledSensor):
         self._frames.expect(t_ns)
         self._measured = rays, seq
         cloud = self._receiver.measure(
-            self._echoes(),
+            self._echoes(rays, seq),
             seq,
             sweep=rays.sweep,
             place=rays.place,
@@ -132,10 +134,11 @@ class Lidar(InstalledSensor):
     def instances(self) -> NDArray[np.uint16]:
         """Return the instance of each point of the last sample: an index of the world's `instance_names`."""
         rays, seq = self._measured
-        of_geom = np.array(self._frames.geometry.world.geom_instance, dtype=np.uint16)
+        echoes = self._echoes(rays, seq)
+        of_geom = np.append(np.array(self._frames.geometry.world.geom_instance, dtype=np.uint16), np.uint16(0))
         low, high = (
             self._receiver.measure(
-                self._echoes(), seq, sweep=rays.sweep, place=rays.place, offset_ns=rays.fired_ns, geom_class=part
+                echoes, seq, sweep=rays.sweep, place=rays.place, offset_ns=rays.fired_ns, geom_class=part
             ).segmentation.astype(np.uint16)
             for part in ((of_geom & 0xFF).astype(np.uint8), (of_geom >> 8).astype(np.uint8))
         )
@@ -210,11 +213,28 @@ class Lidar(InstalledSensor):
             if self._two_way_per_m > 0.0:
                 extinguish(range_m, self._two_way_per_m, strength)
 
-    def _echoes(self) -> Echoes:
-        if len(self._footprint) == 1:
-            return single_echoes(self._range[0], self._strength[0], self._geom[0])
+    def _echoes(self, rays: _Rays, seq: int) -> Echoes:
         p = self._p
-        return choose_echoes(self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m)
+        if len(self._footprint) == 1:
+            echoes = single_echoes(self._range[0], self._strength[0], self._geom[0])
+        else:
+            echoes = choose_echoes(
+                self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m
+            )
+        return echoes if self._drops is None else self._drops.added(echoes, rays.place, seq * len(rays.place))
+
+    def _false_returns(self, installation: Installation) -> FalseReturns | None:
+        falling = installation.scene.weather.precipitation
+        if falling is None:
+            return None
+        return FalseReturns(
+            falling,
+            self._p,
+            extinction_per_m=installation.scene.extinction_per_m,
+            seed=installation.seed,
+            name=self.name,
+            geom_of_drop=len(self._class) - 1,
+        )
 
 
 def _unit(v: Float64) -> Float64:

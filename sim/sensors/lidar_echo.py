@@ -3,8 +3,8 @@
 Light. A surface of reflectivity rho, hit at incidence theta, returns rho cos(theta) (Lambertian). A beam with
 divergence is five rays: the middle and four at half the radius, each with a fifth of the light. Returns within
 `echo_separation_m` of each other are one echo at their mean range, weighted by light; of several echoes the device
-reports one. Haze of extinction beta attenuates each ray by exp(-2 beta r) (sim/scene/weather.py); backscatter of the
-haze is not modelled.
+reports one. Haze, rain and snow of extinction beta attenuate each ray by exp(-2 beta r) (sim/scene/weather.py); drops
+and flakes give false returns (sim/sensors/lidar_drops.py), backscatter of haze is not modelled.
 
 Loss. An echo of strength e = rho cos(theta) is detected up to
 
@@ -38,6 +38,7 @@ from sim.sensors.rounding import drawn_sigma
 Float64 = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
+REFERENCE, SEEN_TO = 0.1, 1.1  # reflectivity for which a range is given; range / limit beyond which nothing is seen
 _NO_LIGHT = 1e-12  # weight of a black surface in a mean
 
 

@@ -3,7 +3,9 @@
     d = round(d_true (1 + s) + n),   deviation with rounding: max(noise, relative noise * d_true)
 
 s is a constant random scale error. There is no return (quality 0, distance `no_return_m`) if the ray hits nothing, the
-distance leaves [min, max], the vehicle tilts too far, or at random with `dropout_probability`.
+distance leaves [min, max], the vehicle tilts too far, or at random with `dropout_probability`. Haze, rain and snow of
+extinction beta take light on the way out and back: as light falls with the square of the distance, there is no return
+beyond d_true exp(beta d_true) = max.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from signals._kernel import det_cos
+from signals._kernel import det_cos, det_exp
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream, normal_from_uniform
 from signals.rotation import cos_tilt_of
@@ -62,6 +64,7 @@ class RangeFinder(InstalledSensor):
         self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
         self._axis_B = self.mount.axis_B
         self._range = GroundRange(installation.scene, p.mount_m, self._axis_B)
+        self._extinction_per_m = installation.scene.extinction_per_m
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
         self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
         self._min_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
@@ -83,6 +86,7 @@ class RangeFinder(InstalledSensor):
             and upright >= self._min_cosine
             and drop >= self._drop_below
             and p.min_distance_m <= distance <= p.max_distance_m
+            and true_m * det_exp(self._extinction_per_m * true_m) <= p.max_distance_m
         )
         return RangeSample(
             seq,

@@ -24,6 +24,7 @@ from sim.randomize.settings import FEATURES, HazeLimits, LightLimits, NoiseLimit
 from sim.randomize.variant import drawn, randomized
 from sim.scene.scene import Box, Scene, load_scene, scene_names
 from sim.scene.surface_appearance import draw_surface
+from sim.scene.weather import Weather
 from sim.scene.world import World
 from sim.sensors.catalog import PRESETS
 from sim.sensors.noise_factor import SCALED, noise_factor, with_noise
@@ -89,7 +90,7 @@ def test_light_and_haze_keep_to_their_limits_and_use_them() -> None:
     assert len(set(lights)) == len(lights)
     assert np.ptp(azimuth) > 300.0
     assert np.ptp(elevation) > 50.0
-    seen = [draw_weather(HazeLimits(), seed).visibility_m for seed in SEEDS]
+    seen = [draw_weather(Weather(), HazeLimits(), seed).visibility_m for seed in SEEDS]
     hazy = [v for v in seen if v is not None]
     assert 10 <= seen.count(None) <= 38  # 40 % of 60
     assert min(hazy) >= 400.0

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from signals.samples import TruthState
 from sim._kernels import BoxScene
 from sim.scene.scene import Box, Scene, load_scene
+from sim.scene.weather import Weather
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
 
@@ -152,6 +153,19 @@ def test_range_sees_boxes_and_its_own_place() -> None:
 def test_no_return_is_said(truth: TruthState) -> None:
     sample = made("range_finder", IDEAL_RANGE | {"no_return_m": 99.5}).sample(truth, 0)
     assert (sample.quality, sample.distance_m, sample.sigma_m) == (0, 99.5, 0.0)
+
+
+def test_fog_takes_range() -> None:
+    """Light falls as exp(-2 beta d) / d^2: seen up to d exp(beta d) = max_distance_m."""
+    foggy = FIELD.model_copy(update={"weather": Weather(visibility_m=40.0)})
+    clear, short = (
+        made("range_finder", IDEAL_RANGE | {"max_distance_m": 30.0}, scene=scene) for scene in (FIELD, foggy)
+    )
+    beta = 3.912 / 40.0
+    limit_m = next(d for d in np.arange(1.0, 30.0, 0.01) if d * math.exp(beta * d) > 30.0)
+    for height_m, seen in ((limit_m - 0.05, True), (limit_m + 0.05, False)):
+        assert (short.sample(at(height_m), 0).quality > 0) == seen
+        assert clear.sample(at(height_m), 0).quality > 0
 
 
 def test_range_noise_and_dropouts_have_the_stated_statistics() -> None:
