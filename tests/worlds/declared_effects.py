@@ -56,7 +56,7 @@ WORLD: dict[str, dict[str, Any]] = {
         "turbulence": {"level": "light"},
         "gusts": [{"at_s": 0.5, "velocity_W_mps": [0, 4, 0], "rise_s": 0.2, "hold_s": 1.0, "fall_s": 0.2}],
     },
-    "weather": {"visibility_m": 60.0},
+    "weather": {"visibility_m": 60.0, "rain_mm_per_h": 80.0, "snow_mm_per_h": 3.0},
     "randomize": {"light": True, "haze": {"clear_share": 0.0}, "textures": True, "people": True, "noise": True},
     "physics.effects": {"ground_effect": False, "descent_loss": False, "battery": True, "air_density": False},
 }
