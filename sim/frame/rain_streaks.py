@@ -34,7 +34,7 @@ from sim.scene.precipitation import Precipitation
 _VISIBLE = 0.004  # opacity that changes a pixel by about half a code
 _CLASSES = 64  # of width
 _NEAR_M = 0.2
-_MOST_DROPS = 50_000.0  # in one picture
+_MOST_DROPS = 20_000.0  # in one picture
 
 
 class RainStreaks:

@@ -10,7 +10,7 @@ namespace hil::sim {
 namespace {
 
 constexpr double kDisc = 0.25 * det::kPi;  // area of a disc / the square of its width
-constexpr double kMaxPoints = 4096.0;      // of a streak
+constexpr double kMaxPoints = 4096.0;      // along a streak, and strips across it
 
 // Adds `mass` at a point of the picture, shared among the four pixels around it by their distance.
 void splat(const StreakCamera &camera, double u, double v, double mass, float *opacity) {
@@ -28,18 +28,23 @@ void splat(const StreakCamera &camera, double u, double v, double mass, float *o
     }
 }
 
-// The image of a drop is a disc of `wide` pixels that moves by (du, dv) in the exposure. Its area is spread evenly along
-// and across the streak, in points at most a pixel apart.
+// The image of a drop is a disc of `wide` pixels that moves by (du, dv) in the exposure: strips along the motion, each as
+// long as the motion and its chord of the disc, with the chord's part of the disc's area, in points at most a pixel apart.
 void draw(const StreakCamera &camera, double u, double v, double du, double dv, double wide, float *opacity) {
     const double length = std::sqrt(du * du + dv * dv);
-    const double along = std::min(std::ceil(length) + 1.0, kMaxPoints), across = std::ceil(wide);
-    const double mass = kDisc * wide * wide / (along * across);
-    const double side_u = length > 0.0 ? -dv / length : 1.0, side_v = length > 0.0 ? du / length : 0.0;
-    for (double j = 0.0; j < across; j += 1.0) {
-        const double off = wide * ((j + 0.5) / across - 0.5);
-        for (double i = 0.0; i < along; i += 1.0) {
-            const double t = (i + 0.5) / along - 0.5;
-            splat(camera, u + du * t + side_u * off, v + dv * t + side_v * off, mass, opacity);
+    const double way_u = length > 0.0 ? du / length : 0.0, way_v = length > 0.0 ? dv / length : 1.0;
+    const double strips = std::min(std::ceil(wide), kMaxPoints);
+    const auto offset = [&](double j) { return wide * ((j + 0.5) / strips - 0.5); };
+    const auto chord = [&](double off) { return std::sqrt(wide * wide - 4.0 * off * off); };
+    double chords = 0.0;
+    for (double j = 0.0; j < strips; j += 1.0) chords += chord(offset(j));
+    for (double j = 0.0; j < strips; j += 1.0) {
+        const double off = offset(j), reach = length + chord(off);
+        const double points = std::min(std::ceil(reach) + 1.0, kMaxPoints);
+        const double mass = kDisc * wide * wide * chord(off) / (chords * points);
+        for (double i = 0.0; i < points; i += 1.0) {
+            const double t = reach * ((i + 0.5) / points - 0.5);
+            splat(camera, u + way_u * t - way_v * off, v + way_v * t + way_u * off, mass, opacity);
         }
     }
 }

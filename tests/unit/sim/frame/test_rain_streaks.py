@@ -61,6 +61,14 @@ def test_a_streak_is_as_long_as_the_drop_moves() -> None:
     assert np.ptp(columns) <= 2
 
 
+def test_a_drop_at_rest_is_a_disc() -> None:
+    opacity = one_drop(width_m=0.2, count=1)  # 30 pixels wide
+    rows, columns = np.nonzero(opacity > 0.5)
+    assert np.ptp(rows) == pytest.approx(30, abs=2)
+    assert np.ptp(columns) == pytest.approx(30, abs=2)
+    assert len(rows) == pytest.approx(0.25 * math.pi * 30**2, rel=0.1)
+
+
 def test_wind_slants_streaks_and_flight_draws_them_out_of_the_point_flown_to() -> None:
     slanted = one_drop(fall_mps=8.0, count=1, air_C_mps=(8.0, 0.0, 0.0))
     rows, columns = np.nonzero(slanted)
@@ -117,4 +125,4 @@ def test_pictures_differ_by_their_number_and_not_by_what_was_drawn_before() -> N
 def test_a_cloudburst_before_a_fine_lens_draws_the_nearest_drops() -> None:
     fine = CameraModel.from_fov(1920, 1080, 60.0)
     made = RainStreaks(rain(150.0), fine, exposure_s=0.0005, wind_W_mps=(0.0, 0.0, 0.0), key=(1, 2))
-    assert made.mean_count <= 50_000.0 * (1.0 + 1e-9)
+    assert made.mean_count <= 20_000.0 * (1.0 + 1e-9)
