@@ -1,13 +1,14 @@
 """LiDAR sweeps in the formats of KITTI and SemanticKITTI.
 
 NAME.bin     float32, little endian: x, y, z [m] in the LiDAR's frame (forward, left, up), intensity 0 to 1
-NAME.label   uint32, little endian, one per point: class in the low 16 bits; the high 16 are 0 (instance not known)
+NAME.label   uint32, little endian, one per point: class (low 16 bits), instance (high 16), as in pictures
 NAME.csv     all fields as text: slow, for inspection
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signals.errors import RecordingError
 from signals.samples import PointCloudSample
@@ -26,10 +27,18 @@ def lidar_bin(sample: PointCloudSample) -> bytes:
     return points.tobytes()
 
 
-def lidar_label(sample: PointCloudSample) -> bytes:
-    """Return the .label file of a sweep. Raises RecordingError if its arrays differ in length."""
+def lidar_label(sample: PointCloudSample, instance: NDArray[np.uint16]) -> bytes:
+    """Return the .label file of a sweep; `instance` is that of each point.
+
+    Raises RecordingError if its arrays differ in length.
+    """
     _check(sample)
-    return sample.segmentation.astype("<u4").tobytes()
+    if len(instance) != len(sample.segmentation):
+        raise RecordingError(
+            f"LiDAR sweep {sample.seq}: {len(instance)} instances and {len(sample.segmentation)} classes do not fit "
+            "together"
+        )
+    return (instance.astype("<u4") << 16 | sample.segmentation).astype("<u4").tobytes()
 
 
 def lidar_csv(sample: PointCloudSample) -> bytes:
