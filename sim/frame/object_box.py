@@ -80,7 +80,7 @@ def tight_boxes(shapes: ObjectShapes, objects: Sequence[PosedObject], up_W: Floa
     low, high = shapes.extents(objects, axes)
     with np.errstate(invalid="ignore"):
         middle, size = 0.5 * (low + high), high - low
-    finite = np.isfinite(size).all(axis=1)
+    finite: NDArray[np.bool_] = np.isfinite(size).sum(axis=1) == 3
     centre = np.einsum("ki,kij->kj", np.where(finite[:, None], middle, 0.0), axes)
     arm = centre - np.stack([posed.p_WO for posed in objects])
     v_W = np.stack([posed.v_WO_W for posed in objects]) + _cross(np.stack([o.w_WO_W for o in objects]), arm)

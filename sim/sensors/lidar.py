@@ -80,7 +80,6 @@ class Lidar(InstalledSensor):
         world = frames.geometry.world
         self._two_way_per_m = 2.0 * installation.scene.extinction_per_m
         self._class = np.array(world.geom_class, dtype=np.uint8)
-        self._instance = np.array(world.geom_instance, dtype=np.uint16)
         by_surface = np.array([surface.lidar_reflectivity for surface in world.surfaces])
         self._reflectivity = by_surface[np.array(world.geom_surface)]
         self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
@@ -135,7 +134,8 @@ class Lidar(InstalledSensor):
     def instances(self) -> NDArray[np.uint16]:
         """Return the instance of each point of the last sample: an index of the world's `instance_names`."""
         rays, geom, _ = self._measured
-        return self._instance[geom[rays.place[self._receiver.reported]]]
+        of_geom = np.asarray(self._frames.geometry.world.geom_instance, np.uint16)
+        return of_geom[geom[rays.place[self._receiver.reported]]]
 
     def points_at_capture(self, sample: PointCloudSample) -> NDArray[np.float32]:
         """Return the points of the last sample, (n, 3) [m], as if all rays had been fired at the capture, in L.
