@@ -27,7 +27,7 @@ from hil.config.schema import Record
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
-from signals.time import NS_PER_S, RateAccumulator
+from signals.time import NS_PER_S
 from sim.frame.quality import QUALITIES
 from sim.physics.vehicle import Vehicle
 from sim.scene.world import World
@@ -39,7 +39,6 @@ DEFAULT_BENCH = "rigs/datasets/park_loop.yaml"
 DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
 EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
 FORMATS = ("boxes", "kitti", "nuscenes")  # of 3-D labels
-_COINCIDE_S = 20  # within which pictures and sweeps must meet
 ALWAYS_WRITTEN = ("euroc", "voc", "coco", "mcap")
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
 MISSION_NAME = "trajectory.waypoints"
@@ -328,25 +327,7 @@ def _label_problems(plan: DatasetPlan, where: str) -> list[Problem]:
     if plan.lidar is None:
         hint = "add one under `sensors`, for example lidar: {preset: vlp16, rate_hz: 10}, or choose boxes"
         problems.append(Problem(place, f"needs a LiDAR, for {joint}", hint))
-    elif plan.labelled is not None and not _coincide(plan, plan.labelled, plan.lidar):
-        hint = "give both the same rate_hz, or one a multiple of the other's"
-        message = f"needs pictures and sweeps of the same time, for {joint}: {plan.labelled} and {plan.lidar} have none"
-        problems.append(Problem(place, message, hint))
     return problems
-
-
-def _coincide(plan: DatasetPlan, *names: str) -> bool:
-    """Return True if these sensors sample at one tick, after the first, within some seconds."""
-    tick_hz = plan.config.tick_hz
-    rates = [
-        RateAccumulator(event_millihz=round(plan.frame_sensors[name].rate_hz * 1000), tick_millihz=tick_hz * 1000)
-        for name in names
-    ]
-    for tick in range(_COINCIDE_S * tick_hz):
-        due = [rate.due() for rate in rates]
-        if tick and all(due):
-            return True
-    return False
 
 
 def _with_memoryless_radars(bench: Bench) -> Bench:

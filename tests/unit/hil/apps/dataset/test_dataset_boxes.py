@@ -10,6 +10,8 @@ import errno
 import json
 import math
 import os
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +98,7 @@ def test_only_new_files_come_with_the_labels(whole: Path, tmp_path: Path) -> Non
 def test_a_killed_data_set_is_resumed_to_the_same_tree(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root = tmp_path / "set"
     with pytest.raises(Crash):
-        make_dataset(plan, root, inline(make_workers=lambda n, make: Inline(n, make, crash_at=2)))
+        make_dataset(plan, root, replace(inline(), make_workers=partial(Inline, crash_at=2)))
     make_dataset(plan, root, inline(resume=True))
     assert tree_of(root) == tree_of(whole)
 
@@ -380,7 +382,6 @@ def test_kitti_readers_read_it(whole: Path) -> None:
     [
         (("  lidar:", "  # lidar:"), "needs a LiDAR, for kitti and nuscenes"),
         (("segmentation, instance, depth", "depth"), "needs a camera that shows classes and instances"),
-        (("rate_hz: 5,", "rate_hz: 0.01,"), "needs pictures and sweeps of the same time"),
         (("mount_m: [0.1", "distortion: {model: brown_conrady, k1: -0.05}, mount_m: [0.1"), "distortion of the camera"),
     ],
 )
@@ -425,7 +426,7 @@ def test_a_full_disk_at_the_links_says_how_to_go_on(
     real = os.symlink
 
     def full(target: str, path: Any, **more: Any) -> None:
-        if "kitti" in str(path):
+        if "image_2" in str(path):
             raise OSError(errno.ENOSPC, "No space left on device")
         real(target, path, **more)
 
