@@ -9,9 +9,10 @@ rays, planes and rows of a rolling shutter. It is exact, and no pixel can be vis
 
 Outside the picture there are no pixels, and for an object that reaches behind the camera no picture plane either: the
 silhouette is therefore measured as a solid angle, by `_RAYS` x `_RAYS` rays over the box's extent as seen from the
-camera. Each ray stands for its cell; those whose direction projects outside the picture count as outside. Against
-1024 x 1024 rays the error is at most 0.02 (tests/reference/test_object_labels.py). An object whose box lies within the
-picture of a pinhole has truncation 0, without a ray.
+camera. Each ray stands for its cell; those whose direction projects outside the picture count as outside. Of 24 objects
+that three views cut, it was off by 0.005 on average and by 0.019 at worst, a tree, against 400 x 400 rays
+(tests/reference/test_object_labels.py). An object whose box lies within the picture of a pinhole has truncation 0,
+without a ray.
 
 All objects share one geometry, in which every geom is hidden but those of the object that is shown.
 """
