@@ -18,6 +18,7 @@ from hil.apps.dataset.formats.boxes import SeenObject
 from hil.apps.dataset.formats.labels import Catalogue, LabelReader
 from hil.apps.dataset.object_reader import ObjectReader
 from hil.config import load_bench
+from hil.config.files import find
 from signals.rotation import matrix_of
 from signals.samples import ImageSample, PointCloudSample, TruthState
 from sim._kernels import Geometry, RayCaster
@@ -40,8 +41,6 @@ Array = NDArray[Any]
 
 @pytest.fixture(scope="module")
 def frames() -> SharedFrames:
-    from hil.config.files import find
-
     bench = load_bench(find("mission", "rigs/datasets/park_loop.yaml", ()), flown=False)
     return SharedFrames(bench.world)
 
@@ -95,6 +94,21 @@ def instances(world: World, catalogue: Catalogue) -> Iterator[int]:
             yield instance
 
 
+def check_box(world: World, data: mujoco.MjData, instance: int, box: ObjectBox) -> bool:
+    """Check that all points of an instance are in its box and each face is touched; return True if to 1e-6 m."""
+    geoms = np.flatnonzero((world.geom_instance == instance) & world.geom_visible).tolist()
+    found = [surface_points(world.model, geom) for geom in geoms]
+    poses = [(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
+    points_W = np.concatenate([p @ R.T + at for (R, at), (p, _) in zip(poses, found, strict=True)])
+    local = (points_W - box.centre_W) @ box.axes_W.T
+    half = 0.5 * box.size_m
+    assert (np.abs(local) <= half + 1e-6).all(), world.instance_names[instance]
+    corners_only = all(are_corners for _, are_corners in found)
+    gap = max(float((half - local.max(axis=0)).max()), float((local.min(axis=0) + half).max()))
+    assert gap <= (1e-6 if corners_only else 1e-4 * max(1.0, float(half.max()))), world.instance_names[instance]
+    return corners_only
+
+
 def test_every_vertex_is_in_its_box_and_every_face_is_touched(frames: SharedFrames, catalogue: Catalogue) -> None:
     world, shapes = frames.world, ObjectShapes(frames.world)
     data = posed_by_mujoco(world, T_NS)
@@ -102,27 +116,38 @@ def test_every_vertex_is_in_its_box_and_every_face_is_touched(frames: SharedFram
     up = np.array([0.3, -0.2, 0.9]) / math.sqrt(0.94)  # of a camera that is tilted
     for up_W in (np.array([0.0, 0.0, 1.0]), up):
         for instance in instances(world, catalogue):
-            geoms = np.flatnonzero((world.geom_instance == instance) & world.geom_visible)
             box = tight_boxes(shapes, [shapes.posed(instance, T_NS)], up_W)[0]
-            if box is None:
-                continue
-            found = [surface_points(world.model, int(g)) for g in geoms]
-            points_W = np.concatenate(
-                [
-                    p @ data.geom_xmat[g].reshape(3, 3).T + data.geom_xpos[g]
-                    for g, (p, _) in zip(geoms, found, strict=True)
-                ]
-            )
-            local = (points_W - box.centre_W) @ box.axes_W.T
-            half = 0.5 * box.size_m
-            assert (np.abs(local) <= half + 1e-6).all(), world.instance_names[instance]
-            corners_only = all(are_corners for _, are_corners in found)
-            gap = max(float((half - local.max(axis=0)).max()), float((local.min(axis=0) + half).max()))
-            assert gap <= (1e-6 if corners_only else 1e-4 * max(1.0, float(half.max()))), world.instance_names[instance]
-            checked, exact, moving = checked + 1, exact + corners_only, moving + shapes.moves(instance)
+            if box is not None:
+                exact += check_box(world, data, instance, box)
+                checked, moving = checked + 1, moving + shapes.moves(instance)
     assert checked > 250
     assert exact > 100
     assert moving > 60
+
+
+def test_a_vehicle_in_flight_has_its_box_and_its_points() -> None:
+    """Tilted, turned and with rotors at an angle; seen by the LiDAR of another vehicle."""
+    bench = load_bench(find("mission", "rigs/delivery_pair.yaml", ()), flown=False)
+    frames = SharedFrames(bench.world)
+    world, shapes = frames.world, ObjectShapes(frames.world)
+    watcher, other = "watcher", next(name for name in bench.vehicles if name != "watcher")
+    rotors = len(bench.vehicles[other].vehicle.rotors)
+    truth = truth_at((5.0, 3.0, 30.0), (12.0, -20.0, 70.0))
+    states = [truth._replace(t_ns=t, rotor_speed_radps=(700.0,) * rotors) for t in (T_NS - 10_000_000, T_NS)]
+    for state in states:
+        frames.place(other, state)
+    instance = world.instance_names.index(f"drone:{other}")
+    box = tight_boxes(shapes, [shapes.posed(instance, T_NS)])[0]
+    assert box is not None
+    check_box(world, posed_by_mujoco(world, T_NS), instance, box)
+    assert math.degrees(box.yaw_rad) == pytest.approx(70.0, abs=1e-6)
+    seen = frames.seen_by(watcher)
+    lidar, sample = swept(seen, truth_at((2.5, 2.9, 30.0), (0.0, 0.0, 0.0)), rolling=False, range_noise_m=0.0)
+    points_W = np.asarray(sample.points_L) + sample.p_WL
+    mine = points_W[lidar.instances() == instance]
+    assert len(mine) > 5
+    assert (np.abs((mine - box.centre_W) @ box.axes_W.T) <= 0.5 * box.size_m + 2e-3).all()
+    assert (sample.segmentation[lidar.instances() == instance] == world.class_names.index("drone")).all()
 
 
 def test_a_walker_looks_where_it_goes(frames: SharedFrames, catalogue: Catalogue) -> None:

@@ -195,8 +195,8 @@ class BatchWriter:
     def label_objects(self, objects: ObjectWriter, moment: Moment) -> None:
         """Write the 3-D labels of the samples stored since the moment began."""
         taken, self._taken = self._taken, Taken(None, None, {})
-        preview = self._batch.index == 0 and not self._shown
-        frame, previews = objects.write(moment.truth, moment.frame, taken, self._write, preview=preview)
+        shown = self._shown if self._batch.index == 0 else None
+        frame, previews = objects.write(moment.truth, moment.frame, taken, self._write, shown=shown)
         if frame is not None:
             self._annotated.append(frame)
         for file_name, data in previews.items():

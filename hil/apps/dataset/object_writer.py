@@ -5,7 +5,7 @@ The first LiDAR is that of KITTI and nuScenes; boxes are written for each LiDAR.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,19 +53,22 @@ class ObjectWriter:
             self._calibration = kitti.calibration_text(self._camera.model, *mounts)
 
     def write(
-        self, truth: TruthState, frame: int, taken: Taken, write: Write, *, preview: bool
+        self, truth: TruthState, frame: int, taken: Taken, write: Write, *, shown: Collection[str] | None
     ) -> tuple[nuscenes.AnnotatedFrame | None, dict[str, bytes]]:
-        """Write the files of one moment. Return its frame, if it has one, and with `preview` pictures of the labels.
+        """Write the files of one moment. Return its frame, if it has one, and pictures of the labels by file name.
 
-        Call it before the next sample is taken: the LiDARs know the instances of their last sweep.
+        `shown`: pictures that there are already; None: none are wanted. Call it before the next sample is taken: the
+        LiDARs know the instances of their last sweep.
         """
         seen: tuple[SeenObject, ...] = ()
         previews: dict[str, bytes] = {}
         if taken.picture is not None and taken.labels is not None:
             seen = self._picture(truth, taken.picture, taken.labels, write)
-            if preview:
-                data = picture_with_boxes(taken.picture, self._camera_model(), seen, self._catalogue.classes)
-                previews[f"{self._plan.labelled}-boxes3d.png"] = data
+            file_name = f"{self._plan.labelled}-boxes3d.png"
+            if self._camera is not None and shown is not None and file_name not in shown:
+                previews[file_name] = picture_with_boxes(
+                    taken.picture, self._camera.model, seen, self._catalogue.classes
+                )
         frame_of: nuscenes.AnnotatedFrame | None = None
         if taken.picture is not None and frame >= 0:
             t_ns = truth.t_ns + EPOCH_NS
@@ -79,15 +82,13 @@ class ObjectWriter:
             write(f"{folder}/{sample.t_capture_ns}.csv", boxes.sweep_csv(swept, self._catalogue))
             if name == self._plan.lidar and frame_of is not None:
                 frame_of = self._sample(truth, frame_of, (seen, swept, points), untwisted, write)
-            if preview:
+            file_name = f"{name}-above.png"
+            if shown is not None and file_name not in shown:
                 drawn = {o.instance: o.box for o in swept} | {o.label.instance: o.box for o in seen}
-                previews[f"{name}-above.png"] = sweep_with_boxes(
+                previews[file_name] = sweep_with_boxes(
                     untwisted, drawn, self._catalogue.class_of_instance, self._catalogue.classes
                 )
         return frame_of, previews
-
-    def _camera_model(self) -> Any:
-        return None if self._camera is None else self._camera.model
 
     def _picture(
         self, truth: TruthState, picture: ImageSample, labels: PictureLabels, write: Write
