@@ -12,6 +12,7 @@
 * A box is upright in W. size is width, length, height; rotation (w, x, y, z) turns x of the box to the heading.
 * An annotation is an object that the picture shows or that a point of the sweep lies on. num_lidar_pts counts the
   points inside the box, whatever they lie on. visibility is that in the one camera: (1 - occlusion) (1 - truncation).
+* Each instance has its class as an additional field: a category joins several classes.
 * Times are whole microseconds. Tokens are hashes of what they name.
 
 The sweep has the motion of the vehicle taken out.
@@ -41,17 +42,23 @@ VERSION = "v1.0-hil"
 CAMERA, LIDAR = "CAM_FRONT", "LIDAR_TOP"
 MAP_NAME = "maps/empty.png"
 _PREFIX = "hil"
-# Categories of nuScenes; other classes become object.CLASS.
+# Categories of nuScenes and nuScenes-lidarseg, whose colours the development kit knows; drones have none there.
 CATEGORIES = {
     "person": "human.pedestrian.adult",
     "vehicle": "vehicle.car",
     "bicycle": "vehicle.bicycle",
     "motorcycle": "vehicle.motorcycle",
-    "barrier": "movable_object.barrier",
     "drone": "vehicle.drone",
     "dog": "animal",
     "bird": "animal",
+    "barrier": "movable_object.barrier",
+    **dict.fromkeys(("barrel", "bin", "crate"), "movable_object.pushable_pullable"),
+    **dict.fromkeys(("bush", "hedge", "potted_plant", "tree", "vegetation"), "static.vegetation"),
+    **dict.fromkeys(("building", "hall", "house", "tower", "container", "fence", "gate", "wall"), "static.manmade"),
+    **dict.fromkeys(("bench", "furniture", "lamp", "playground", "pole", "sandbags", "stand"), "static.manmade"),
+    **dict.fromkeys(("reflector", "sign", "stop_sign", "traffic_light", "windsock"), "static.manmade"),
 }
+_OTHER = "static.other"
 _VISIBILITY = (("1", "v0-40", 0.0), ("2", "v40-60", 0.4), ("3", "v60-80", 0.6), ("4", "v80-100", 0.8))
 _MOVING_FROM_MPS = 0.2
 _ATTRIBUTES = ("pedestrian.moving", "pedestrian.standing", "vehicle.moving", "vehicle.stopped")
@@ -202,12 +209,14 @@ class Tables:
             yield {"token": token("attribute", name), "name": name, "description": ""}
 
     def _category(self) -> Iterator[dict[str, Any]]:
-        names = self._catalogue.classes.names
-        made = set()
+        known = self._catalogue.classes.names
+        classes: dict[str, list[str]] = {}
         for class_id in sorted(self._catalogue.object_classes):
-            if class_id < len(names) and (name := category(names[class_id])) not in made:
-                made.add(name)
-                yield {"token": token("category", name), "name": name, "description": f"class {names[class_id]}"}
+            if class_id < len(known):
+                classes.setdefault(category(known[class_id]), []).append(known[class_id])
+        for name, members in classes.items():
+            description = f"class {', '.join(members)}"
+            yield {"token": token("category", name), "name": name, "description": description}
 
     def _visibility(self) -> Iterator[dict[str, Any]]:
         for level, name, _ in _VISIBILITY:
@@ -341,10 +350,11 @@ class Tables:
         names = self._catalogue.classes
         for scene in self._scenes():
             for instance, frames in sorted(_frames_by_instance(scene).items()):
-                name = category(names.name(self._catalogue.class_of_instance[instance]))
+                name = names.name(self._catalogue.class_of_instance[instance])
                 yield {
                     "token": token("instance", scene.name, instance),
-                    "category_token": token("category", name),
+                    "category_token": token("category", category(name)),
+                    "class": name,
                     "nbr_annotations": len(frames),
                     "first_annotation_token": token("annotation", frames[0], instance),
                     "last_annotation_token": token("annotation", frames[-1], instance),
@@ -362,7 +372,7 @@ class Tables:
 
 def category(class_name: str) -> str:
     """Return the category of a class."""
-    return CATEGORIES.get(class_name, f"object.{class_name}")
+    return CATEGORIES.get(class_name, _OTHER)
 
 
 def visibility_token(share: float) -> str:

@@ -339,6 +339,9 @@ def test_nuscenes_devkit_reads_it(whole: Path) -> None:
     from nuscenes.utils.geometry_utils import points_in_box  # type: ignore[import-not-found]
 
     loaded = kit.NuScenes("v1.0-hil", str(whole / "nuscenes"), verbose=False)
+    colours = set(loaded.colormap)
+    assert {row["name"] for row in loaded.category} - colours == {"vehicle.drone"}
+    assert {row["class"] for row in loaded.instance} > {"person", "tree", "building"}
     boxes = seen = 0
     for sample in loaded.sample:
         path, found, _ = loaded.get_sample_data(sample["data"]["LIDAR_TOP"])
