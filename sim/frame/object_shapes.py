@@ -22,7 +22,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from sim.frame.meshes import height_field_triangles
 from sim.scene import semantics
@@ -162,6 +161,8 @@ class ObjectShapes:
                 begin, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
                 vertices = model.mesh_vert[begin : begin + count].astype(np.float64)
             if len(vertices) >= _HULL_FROM:
+                from scipy.spatial import ConvexHull, QhullError  # slow to import, and seldom needed
+
                 with contextlib.suppress(QhullError):  # of a flat mesh all vertices stay
                     vertices = vertices[ConvexHull(vertices).vertices]
             self._vertices[key] = np.ascontiguousarray(vertices)

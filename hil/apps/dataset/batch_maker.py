@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from isal.isal_zlib import crc32
@@ -28,8 +28,7 @@ from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, v
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
 from hil.apps.dataset.formats.radar_labels import labelled, radar_labels_csv
 from hil.apps.dataset.formats.radar_npy import npy
-from hil.apps.dataset.moments import Batch, DueSample, Moment
-from hil.apps.dataset.object_writer import ObjectWriter, Taken
+from hil.apps.dataset.moments import Batch, DueSample, Moment, Taken
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
 from hil.apps.dataset.storage.manifest import BENCH_NAME
@@ -43,6 +42,9 @@ from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from sim.frame.source import SharedFrames
 from sim.sensors.lidar import Lidar
+
+if TYPE_CHECKING:
+    from hil.apps.dataset.object_writer import ObjectWriter
 
 
 def _finished_path(index: int) -> str:
@@ -82,6 +84,8 @@ class BatchMaker:
         self.labels = LabelReader(self.catalogue)
         self.objects: ObjectWriter | None = None
         if plan.formats:
+            from hil.apps.dataset.object_writer import ObjectWriter
+
             self.objects = ObjectWriter(plan, self.frames.geometry, self.catalogue, self.sensors)
         self.series = self.new_series(with_transform=False)
 

@@ -6,7 +6,7 @@ The first LiDAR is that of KITTI and nuScenes; boxes are written for each LiDAR.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue, PictureLabels
 from hil.apps.dataset.formats.lidar_bin import lidar_bin
 from hil.apps.dataset.formats.object_previews import picture_with_boxes, sweep_with_boxes
+from hil.apps.dataset.moments import Taken
 from hil.apps.dataset.object_reader import ObjectReader
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.run.sensors.simulated_sensors import transform
@@ -26,14 +27,6 @@ from sim.sensors.camera import Camera
 from sim.sensors.lidar import Lidar
 
 Write = Callable[[str, bytes], None]
-
-
-class Taken(NamedTuple):
-    """The labelled picture and the sweeps of one moment; None, or none, if they are not due."""
-
-    picture: ImageSample | None
-    labels: PictureLabels | None
-    sweeps: Mapping[str, PointCloudSample]
 
 
 class ObjectWriter:
