@@ -257,10 +257,11 @@ class BatchWriter:
         t_ns = sample.t_capture_ns
         self._write_data(name, "", t_ns, "bin", lidar_bin(sample))
         folder = f"{ROOT}/{self.plan.folder(name)}"
-        self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample, self._maker.sensors[name].instances()))
+        instance = self._maker.sensors[name].instances()
+        self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample, instance))
         self._taken = self._taken._replace(sweeps={**self._taken.sweeps, name: sample})
         if self.plan.config.dataset.lidar_csv:
-            self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
+            self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample, instance))
         if self._batch.index == 0 and self._samples[name] == 1:
             previews = cloud_previews(sample.points_L, sample.segmentation, self._maker.catalogue.classes)
             self._write_previews(name, previews)
