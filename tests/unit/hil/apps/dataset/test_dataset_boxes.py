@@ -333,6 +333,29 @@ def test_nuscenes_annotates_what_picture_and_sweep_show(whole: Path) -> None:
     assert {"pedestrian.moving", "pedestrian.standing"} <= moving
 
 
+def test_scenes_end_with_the_set_and_with_the_flight() -> None:
+    """A piece without a sample is no scene; a long gap is another flight."""
+    sets = ["train"] * 6 + ["guard"] + ["test"] * 3
+    times_s = [0.0, 0.1, 0.2, 9.0, 9.1, 9.2, 9.3, 9.4, 9.5, 9.6]
+    at = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    frames = [nuscenes.AnnotatedFrame(i, round(t * 1e9), *at, i not in (6, 8)) for i, t in enumerate(times_s)]
+    found = [
+        (scene.name, [f.frame for f in scene.frames], [f.frame for f in scene.samples])
+        for scene in nuscenes.scenes(frames, sets, 2_000_000_000)
+    ]
+    assert found == [
+        ("train-0001", [0, 1, 2], [0, 1, 2]),
+        ("train-0002", [3, 4, 5], [3, 4, 5]),
+        ("test-0003", [7, 8, 9], [7, 9]),
+    ]
+    assert list(nuscenes.scenes([], sets, 1)) == []
+
+
+@pytest.mark.parametrize(("share", "level"), [(0.0, "1"), (0.399, "1"), (0.4, "2"), (0.6, "3"), (0.8, "4"), (1.0, "4")])
+def test_levels_of_visibility_are_those_of_the_schema(share: float, level: str) -> None:
+    assert nuscenes.visibility_token(share) == level
+
+
 def test_nuscenes_devkit_reads_it(whole: Path) -> None:
     kit = pytest.importorskip("nuscenes.nuscenes")
     from nuscenes.utils.data_classes import LidarPointCloud  # type: ignore[import-not-found]
