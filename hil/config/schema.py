@@ -281,6 +281,8 @@ class DatasetSettings(Section):
     depth_step_m: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.001  # of depth pictures; range 65534 steps
     guard_frames: Annotated[int, Field(ge=0, le=1000)] = 2  # in no set, at the border of two sets
     lidar_csv: bool = False  # LiDAR sweeps as text too: slow and large
+    # Forms of 3-D labels beside EuRoC, VOC and COCO, which are always written; kitti and nuscenes include boxes.
+    formats: tuple[Literal["boxes", "kitti", "nuscenes"], ...] = ()
 
 
 class Limits(Section):

@@ -50,31 +50,7 @@ class FrameGeometry:
         is_moving = np.zeros(model.ngeom, bool)
         for geoms in actor_geoms:
             is_moving[geoms] = True
-        meshes: dict[tuple[int, int], int] = {}
-        mask_of_geom = alpha_masks(model, self.native)
-        for geom in range(model.ngeom):
-            kind = int(model.geom_type[geom])
-            mesh = -1
-            if kind in (_HFIELD, _MESH):
-                source = (kind, int(model.geom_dataid[geom]))
-                if source not in meshes:
-                    make = height_field_triangles if kind == _HFIELD else mesh_triangles
-                    meshes[source] = self.native.add_mesh(*make(model, source[1]))
-                mesh, kind = meshes[source], _MESH
-            is_known = kind in _SHAPES
-            self.native.add_geom(
-                shape=kind if is_known else _SPHERE,
-                size=tuple(model.geom_size[geom].tolist()),
-                p_WG=tuple(data.geom_xpos[geom].tolist()),
-                R_WG=tuple(data.geom_xmat[geom].tolist()),
-                mesh=mesh,
-                moving=bool(is_moving[geom]),
-                visible=is_known and bool(world.geom_visible[geom]),
-                class_id=int(world.geom_class[geom]),
-                instance=int(world.geom_instance[geom]),
-                surface=int(world.geom_surface[geom]),
-                mask=mask_of_geom.get(geom, -1),
-            )
+        add_geoms(self.native, world, data, is_moving)
         self.native.finish()
         self._actors = SceneActors(self.native)
         for actor, geoms in zip(world.map.actors, actor_geoms, strict=True):
@@ -144,6 +120,39 @@ class FrameGeometry:
         self._actors.leave_out(self.left_out)
         self.posed += self._actors.pose_within(self.t_ns, reach)
         self._absent = self._actors.absent(self.t_ns)
+
+
+def add_geoms(native: Geometry, world: World, data: mujoco.MjData, is_moving: NDArray[np.bool_]) -> None:
+    """Add all geoms of a world to `native`, in the order of its model; `data` has the poses of those that stand still.
+
+    `is_moving`: (ngeom,) the geoms that `native.move` may move.
+    """
+    model = world.model
+    meshes: dict[tuple[int, int], int] = {}
+    mask_of_geom = alpha_masks(model, native)
+    for geom in range(model.ngeom):
+        kind = int(model.geom_type[geom])
+        mesh = -1
+        if kind in (_HFIELD, _MESH):
+            source = (kind, int(model.geom_dataid[geom]))
+            if source not in meshes:
+                make = height_field_triangles if kind == _HFIELD else mesh_triangles
+                meshes[source] = native.add_mesh(*make(model, source[1]))
+            mesh, kind = meshes[source], _MESH
+        is_known = kind in _SHAPES
+        native.add_geom(
+            shape=kind if is_known else _SPHERE,
+            size=tuple(model.geom_size[geom].tolist()),
+            p_WG=tuple(data.geom_xpos[geom].tolist()),
+            R_WG=tuple(data.geom_xmat[geom].tolist()),
+            mesh=mesh,
+            moving=bool(is_moving[geom]),
+            visible=is_known and bool(world.geom_visible[geom]),
+            class_id=int(world.geom_class[geom]),
+            instance=int(world.geom_instance[geom]),
+            surface=int(world.geom_surface[geom]),
+            mask=mask_of_geom.get(geom, -1),
+        )
 
 
 def _geoms_of(actor: Actor, model: mujoco.MjModel) -> NDArray[np.int32]:

@@ -31,13 +31,14 @@ std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::
                     In<double, -1> strength, In<std::int32_t, -1> geom, In<double, -1, 3> direction, In<double, -1> origin_z,
                     In<std::uint16_t, -1> ring, In<std::int32_t, -1> offset, In<std::uint8_t, -1> geom_class, Out<float, -1, 3> points,
                     Out<float, -1> range_out, Out<float, -1> intensity, Out<std::uint16_t, -1> ring_out, Out<std::int32_t, -1> offset_out,
-                    Out<std::uint8_t, -1> class_out, const std::string &isa) {
+                    Out<std::uint8_t, -1> class_out, const std::optional<Out<std::int32_t, -1>> &ray, const std::string &isa) {
     const std::size_t n = place.shape(0);
     expect_rows(range, n, "range_m"), expect_rows(strength, n, "strength"), expect_rows(geom, n, "geom");
     expect_rows(direction, n, "directions_L"), expect_rows(origin_z, n, "origin_z_m"), expect_rows(ring, n, "ring");
     expect_rows(offset, n, "time_offset_ns"), expect_rows(points, n, "points_L"), expect_rows(range_out, n, "out range_m");
     expect_rows(intensity, n, "intensity"), expect_rows(ring_out, n, "out ring"), expect_rows(offset_out, n, "out time_offset_ns");
     expect_rows(class_out, n, "out segmentation");
+    if (ray) expect_rows(*ray, n, "ray");
     for (std::size_t i = 0; i < n; ++i) {
         const std::int32_t at = place.data()[i];
         if (at < 0 || static_cast<std::size_t>(at) >= n)
@@ -51,7 +52,7 @@ std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::
     const LidarEchoes in{n,           place.data(),    range.data(), strength.data(), geom.data(),
                          direction.data(), origin_z.data(), ring.data(),  offset.data(),   geom_class.data()};
     const LidarCloud out{points.data(),   range_out.data(),  intensity.data(),
-                         ring_out.data(), offset_out.data(), class_out.data()};
+                         ring_out.data(), offset_out.data(), class_out.data(), ray ? ray->data() : nullptr};
     const ReceiveKernel kernel = receive_kernel(isa_by_name(isa));
     nb::gil_scoped_release release;
     return kernel(receiver, in, first, out);
@@ -73,8 +74,9 @@ void bind_lidar_receiver(nb::module_ &m) {
         .def("receive", &receive, "first_index"_a, "place"_a, "range_m"_a, "strength"_a, "geom"_a, "directions_L"_a,
              "origin_z_m"_a, "ring"_a, "time_offset_ns"_a, "geom_class"_a, "points_L"_a.noconvert(),
              "range_out_m"_a.noconvert(), "intensity"_a.noconvert(), "ring_out"_a.noconvert(),
-             "time_offset_out_ns"_a.noconvert(), "segmentation"_a.noconvert(), nb::kw_only(), "isa"_a = "",
-             "Write the reported points to the front of the outputs; return their number.");
+             "time_offset_out_ns"_a.noconvert(), "segmentation"_a.noconvert(), nb::kw_only(), "ray"_a.noconvert() = nb::none(),
+             "isa"_a = "",
+             "Write the reported points to the front of the outputs, and to `ray` their rays; return their number.");
     m.def(
         "lambert_strength",
         [](In<std::int32_t, -1> geom, In<double, -1, 3> normal, In<double, -1, 3> direction, In<double, -1> reflectivity, Out<double, -1> strength) {

@@ -46,6 +46,7 @@ class Camera(InstalledSensor):
             raise ValueError(f"sensor '{installation.name}': a camera needs the world's geometry (frames)")
         super().__init__(installation, p.latency_s, {})
         self.model = p.model()
+        self.planes_m = (p.near_m, p.far_m)
         self.mount = Mount(p.mount_m, p.mount_rpy_deg)
         self.channels = p.channels
         self._frames = frames
@@ -138,13 +139,37 @@ class Camera(InstalledSensor):
             self._sensor.add(pictures["rgb"], 1.0)
             self._sensor.finish(seq, pictures["rgb"])
 
-    def _draw(self, truth: TruthState, moment_s: float, out: Mapping[str, NDArray[Any]]) -> None:
+    @property
+    def one_pose(self) -> bool:
+        """True if all rows of a picture are drawn from one pose: there is no rolling shutter."""
+        return not self._bands
+
+    def draw_by(
+        self,
+        renderer: Renderer,
+        truth: TruthState,
+        out: Mapping[str, NDArray[Any]],
+        rows: tuple[int, int] | None = None,
+    ) -> None:
+        """Draw channels of the middle of the exposure by another renderer, row by row as `sample` does.
+
+        `rows`: only these, for a camera of `one_pose`.
+        """
+        if self._bands:
+            self._draw(truth, 0.0, out, renderer)
+        else:
+            renderer.render(self.mount.pose(truth), out, rows=rows)
+
+    def _draw(
+        self, truth: TruthState, moment_s: float, out: Mapping[str, NDArray[Any]], by: Renderer | None = None
+    ) -> None:
         """Draw the picture of one instant of the exposure, band by band with a rolling shutter."""
+        renderer = by if by is not None else self._renderer
         if not self._bands:
-            self._renderer.render(self.mount.pose(truth, moment_s), out)
+            renderer.render(self.mount.pose(truth, moment_s), out)
             return
         for rows, delay_s in self._bands:
-            self._renderer.render(self.mount.pose(truth, moment_s + delay_s), out, rows=rows)
+            renderer.render(self.mount.pose(truth, moment_s + delay_s), out, rows=rows)
 
     def _row_bands(self, p: CameraParameters) -> list[tuple[tuple[int, int], float]]:
         """Return (rows, readout time of their middle after t_capture [s]) of each band; empty: all rows at once."""

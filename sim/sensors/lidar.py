@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import rotate_into_world
+from signals.rotation import matrix_of
 from signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
@@ -111,9 +112,10 @@ class Lidar(InstalledSensor):
             if part.start != part.stop:
                 self._cast(rays, i, motion, self._middle_ns(i, len(rays.parts), t_ns))
         self._frames.expect(t_ns)
-        self._measured = rays, seq
+        echoes = self._echoes(rays, seq)
+        self._measured = rays, echoes.geom, motion
         cloud = self._receiver.measure(
-            self._echoes(rays, seq),
+            echoes,
             seq,
             sweep=rays.sweep,
             place=rays.place,
@@ -133,16 +135,24 @@ class Lidar(InstalledSensor):
 
     def instances(self) -> NDArray[np.uint16]:
         """Return the instance of each point of the last sample: an index of the world's `instance_names`."""
-        rays, seq = self._measured
-        echoes = self._echoes(rays, seq)
-        of_geom = np.append(np.array(self._frames.geometry.world.geom_instance, dtype=np.uint16), np.uint16(0))
-        low, high = (
-            self._receiver.measure(
-                echoes, seq, sweep=rays.sweep, place=rays.place, offset_ns=rays.fired_ns, geom_class=part
-            ).segmentation.astype(np.uint16)
-            for part in ((of_geom & 0xFF).astype(np.uint8), (of_geom >> 8).astype(np.uint8))
-        )
-        return (low | high << 8).astype(np.uint16)
+        rays, geom, _ = self._measured
+        of_geom = np.append(np.asarray(self._frames.geometry.world.geom_instance, np.uint16), np.uint16(0))  # of a drop
+        return of_geom[geom[rays.place[self._receiver.reported]]]
+
+    def points_at_capture(self, sample: PointCloudSample) -> NDArray[np.float32]:
+        """Return the points of the last sample, (n, 3) [m], as if all rays had been fired at the capture, in L.
+
+        Each point keeps its measured range along its ray: the motion of the vehicle is taken out, that of what was hit
+        is not.
+        """
+        rays, _, motion = self._measured
+        n = len(rays.offset_ns)
+        origins_W, directions_W = np.empty((n, 3)), np.empty((n, 3))
+        sweep_rays(motion, rays.offset_ns, rays.origins_B, rays.directions_B[0], origins_W, directions_W)
+        ray = rays.place[self._receiver.reported]
+        points_W = origins_W[ray] + sample.range_m[:, None].astype(np.float64) * directions_W[ray]
+        R_WL = np.array(matrix_of(sample.q_WL)).reshape(3, 3)
+        return ((points_W - np.array(sample.p_WL)) @ R_WL).astype(np.float32)
 
     def _recent(self, t_ns: int) -> TruthState | None:
         """Return the previous truth if it is recent enough to give the motion during this sweep, else None."""

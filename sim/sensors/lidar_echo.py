@@ -139,6 +139,7 @@ class Receiver:
         self._range_m, self._intensity = np.empty(rays, np.float32), np.empty(rays, np.float32)
         self._ring, self._time_offset_ns = np.empty(rays, np.uint16), np.empty(rays, np.int32)
         self._segmentation = np.empty(rays, np.uint8)
+        self._ray, self._count = np.empty(rays, np.int32), 0
 
     @property
     def farthest_m(self) -> float:
@@ -173,7 +174,9 @@ class Receiver:
             self._ring,
             self._time_offset_ns,
             self._segmentation,
+            ray=self._ray,
         )
+        self._count = count
         return Cloud(
             own(self._points_L[:count]),
             own(self._range_m[:count]),
@@ -182,6 +185,11 @@ class Receiver:
             own(self._time_offset_ns[:count]),
             own(self._segmentation[:count]),
         )
+
+    @property
+    def reported(self) -> NDArray[np.int32]:
+        """The number of the ray, in firing order, of each point that `measure` has returned last; read-only."""
+        return own(self._ray[: self._count])
 
 
 def own(values: NDArray[Scalar]) -> NDArray[Scalar]:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from isal.isal_zlib import crc32
@@ -22,12 +22,13 @@ from hil.apps.dataset.formats.coco import CocoPicture, coco_picture
 from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.apps.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
+from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, visible_objects
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
 from hil.apps.dataset.formats.radar_labels import labelled, radar_labels_csv
 from hil.apps.dataset.formats.radar_npy import npy
-from hil.apps.dataset.moments import Batch, DueSample
+from hil.apps.dataset.moments import Batch, DueSample, Moment, Taken
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
 from hil.apps.dataset.storage.manifest import BENCH_NAME
@@ -41,6 +42,9 @@ from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from sim.frame.source import SharedFrames
 from sim.sensors.lidar import Lidar
+
+if TYPE_CHECKING:
+    from hil.apps.dataset.object_writer import ObjectWriter
 
 
 def _finished_path(index: int) -> str:
@@ -78,6 +82,11 @@ class BatchMaker:
         )
         self.encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m), self.catalogue.palette)
         self.labels = LabelReader(self.catalogue)
+        self.objects: ObjectWriter | None = None
+        if plan.formats:
+            from hil.apps.dataset.object_writer import ObjectWriter
+
+            self.objects = ObjectWriter(plan, self.frames.geometry, self.catalogue, self.sensors)
         self.series = self.new_series(with_transform=False)
 
     def _make_sensors(self) -> dict[str, Any]:
@@ -127,6 +136,8 @@ class BatchMaker:
                 self.frames.restore(vehicle, states)
             for due in moment.due:
                 writer.store(due.sensor, self.sample(moment.truth, due), moment.frame)
+            if self.objects is not None:
+                writer.label_objects(self.objects, moment)
         writer.finish()
 
 
@@ -165,6 +176,9 @@ class BatchWriter:
         self._class_pixels = np.zeros(256, np.int64)
         self._pictures: list[CocoPicture] = []
         self._best_radar_frame: dict[str, tuple[float, int]] = {}
+        self._taken = Taken(None, None, {})  # of this moment
+        self._annotated: list[AnnotatedFrame] = []
+        self._shown: set[str] = set()  # previews of 3-D labels
         if batch.index == 0:
             maker.series = maker.new_series(with_transform=True)
 
@@ -181,6 +195,17 @@ class BatchWriter:
         else:
             self._write_radar_frame(name, sample)
         self._maker.series[name].add_encoded(sample, png)
+
+    def label_objects(self, objects: ObjectWriter, moment: Moment) -> None:
+        """Write the 3-D labels of the samples stored since the moment began."""
+        taken, self._taken = self._taken, Taken(None, None, {})
+        shown = self._shown if self._batch.index == 0 else None
+        frame, previews = objects.write(moment.truth, moment.frame, taken, self._write, shown=shown)
+        if frame is not None:
+            self._annotated.append(frame)
+        for file_name, data in previews.items():
+            self._shown.add(file_name)
+            self._write(f"{PREVIEW}/{file_name}", data)
 
     def finish(self) -> None:
         """Write the file that `take_finished` reads: record and chunk of the recording. Raises RecordingError."""
@@ -210,6 +235,8 @@ class BatchWriter:
             else:
                 self._write_data(name, channel, t_ns, "npy", npy(channels[channel]))
         labels = self._write_labels(sample, frame) if name == self.plan.labelled else None
+        if labels is not None:
+            self._taken = self._taken._replace(picture=sample, labels=labels)
         if self._batch.index == 0 and self._samples[name] == 1:
             self._write_previews(name, camera_previews(channels, self._maker.catalogue.classes, labels))
         return png
@@ -230,9 +257,11 @@ class BatchWriter:
         t_ns = sample.t_capture_ns
         self._write_data(name, "", t_ns, "bin", lidar_bin(sample))
         folder = f"{ROOT}/{self.plan.folder(name)}"
-        self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample))
+        instance = self._maker.sensors[name].instances()
+        self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample, instance))
+        self._taken = self._taken._replace(sweeps={**self._taken.sweeps, name: sample})
         if self.plan.config.dataset.lidar_csv:
-            self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
+            self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample, instance))
         if self._batch.index == 0 and self._samples[name] == 1:
             previews = cloud_previews(sample.points_L, sample.segmentation, self._maker.catalogue.classes)
             self._write_previews(name, previews)
@@ -269,5 +298,6 @@ class BatchWriter:
             class_pixels={i: int(n) for i, n in enumerate(pixels.tolist()) if n},
             chunk=chunk,
             pictures=tuple(self._pictures),
+            annotated=tuple(self._annotated),
             best_radar_frame=self._best_radar_frame,
         )

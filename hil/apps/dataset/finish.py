@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hil.apps.dataset.formats import voc
+from hil.apps.dataset.formats import kitti, nuscenes, voc
+from hil.apps.dataset.formats.boxes import FOLDER as BOXES
 from hil.apps.dataset.formats.coco import CocoPicture, coco_parts
 from hil.apps.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, Datasheet, datasheet_html
 from hil.apps.dataset.formats.euroc import ROOT
@@ -22,6 +22,7 @@ from hil.apps.dataset.formats.previews import radar_picture
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
 from hil.apps.dataset.formats.radar_labels import read_radar_labels
 from hil.apps.dataset.formats.split import GUARD, SETS, Split, equal_segments, split_frames, split_text
+from hil.apps.dataset.object_files import link, object_files
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord
 from hil.apps.dataset.storage.manifest import write_manifest
@@ -36,7 +37,6 @@ from hil.apps.dataset.storage.tree import (
     WORK,
     TreeWriter,
     Written,
-    unwritable,
 )
 from hil.data_set_files import IMAGE_SETS, IMAGES, MANIFEST
 from signals.channels import CHANNELS
@@ -53,7 +53,9 @@ _MIN_FRAMES_WITH_GUARDS = 30  # with fewer, there are no guard frames between th
 _TITLES = {name: channel.title for name, channel in CHANNELS.items()} | {
     "boxes": "colour with boxes",
     "depth": "depth, near is bright",
+    "boxes3d": "colour with 3-D boxes; a cross marks the front; in %: hidden, outside the picture",
     "cloud": "LiDAR from above, 40 m each way",
+    "above": "LiDAR from above, 40 m each way, with the boxes of objects; lines lead to their fronts",
     "map": "the frame with the most echoes; in the map range is upwards, receding to the right; dB over its median",
 }
 
@@ -117,9 +119,11 @@ def finish(
         names = [str(t_ns) for t_ns in counts.frame_t_ns]
         written += [tree.write(f"{IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
         written += _coco_files(plan, tree, split, catalogue, store.coco_pictures)
+    if plan.formats:
+        written += object_files(plan, tree, split, catalogue, store.annotated_frames)
     written.append(tree.write(SPLIT_NAME, split_text(split).encode()))
     if plan.labelled is not None:
-        _link(root / IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
+        link(root / IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
     previews = [file.path for record in records[:1] for file in record.files if file.path.startswith(PREVIEW)]
     for file in _radar_previews(plan, tree, records):
         written.append(file)
@@ -218,15 +222,6 @@ def _radar_previews(plan: DatasetPlan, tree: TreeWriter, records: Sequence[Batch
         yield tree.write(f"{PREVIEW}/{name}-map.png", radar_picture(range_doppler, objects, p.seen, rgb, camera))
 
 
-def _link(link: Path, target: str) -> None:
-    """Make VOC's picture folder a link to the camera's own folder."""
-    try:
-        if not link.is_symlink():
-            os.symlink(target, link, target_is_directory=True)
-    except OSError as error:
-        raise unwritable(link, error) from error
-
-
 def _datasheet(
     plan: DatasetPlan,
     store: DatasetStore,
@@ -323,7 +318,7 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
         f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files",
         f"{ROOT}/*/sensor.yaml": "intrinsics, mounting on the vehicle (T_BS), rate, noise",
         f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: no surface, 65535: beyond {65534 * step_m:g} m",
-        f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, in SemanticKITTI's format",
+        f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes and instances in labels/, as in SemanticKITTI",
         f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp settings in radar.json",
         f"{ROOT}/radar*/labels": "CSV: class, instance, range, radial speed, direction and power of each object",
         f"{ROOT}/range_doppler*/data": "numpy float32 (chirps, range bins), power in ADC counts squared",
@@ -335,6 +330,12 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
         MANIFEST: "provenance and counts",
         JOURNAL: "finished batches, read by `--resume`",
     }
+    if plan.formats:
+        contents[f"{ROOT}/*/{BOXES}"] = "CSV: the 3-D box of each object that a picture or a sweep shows"
+    if "kitti" in plan.formats:
+        contents[kitti.ROOT] = "KITTI's object detection: image_2, velodyne, label_2, calib, ImageSets"
+    if "nuscenes" in plan.formats:
+        contents[nuscenes.ROOT] = f"nuScenes, version {nuscenes.VERSION}: samples, sweeps and tables"
     if plan.labelled is None:
         contents = {k: v for k, v in contents.items() if "VOC" not in v and "COCO" not in v}
     return contents

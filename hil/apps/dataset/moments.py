@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from hil.apps.dataset.formats.labels import PictureLabels
 from hil.config import SensorConfig
-from signals.samples import TruthState
+from signals.samples import ImageSample, PointCloudSample, TruthState
 from signals.time import RateAccumulator, period_ns_from_hz
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_bodies import VehicleBodies
@@ -40,6 +41,14 @@ class Moment(NamedTuple):
     due: tuple[DueSample, ...]
     frame: int
     others: Mapping[str, bytes] = {}
+
+
+class Taken(NamedTuple):
+    """The labelled picture and the sweeps of one moment; None, or none, if they are not due."""
+
+    picture: ImageSample | None
+    labels: PictureLabels | None
+    sweeps: Mapping[str, PointCloudSample]
 
 
 @dataclass(frozen=True)

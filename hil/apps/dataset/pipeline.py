@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 from hil.apps.dataset.batch_maker import take_finished
 from hil.apps.dataset.engines.jobs import Job, JobResult, Workers
@@ -33,7 +32,7 @@ class Pipeline:
         self._pending: dict[int, tuple[Batch, FlightData]] = {}  # submitted, not yet stored
         self._results: dict[int, JobResult] = {}  # finished before an earlier batch
         self._next = 0
-        self.records: list[BatchRecord] = []  # without their pictures
+        self.records: list[BatchRecord] = []  # without their labels
         self.kept_batches = 0  # batches that an earlier attempt left complete
         self.frames = 0
 
@@ -58,7 +57,7 @@ class Pipeline:
                 f"{batch.first_frame} on. With an autopilot whose flights do not repeat, a data set cannot be resumed: "
                 "choose another folder"
             )
-        return Job(batch, replace(expected, pictures=()), offset)
+        return Job(batch, expected.without_labels(), offset)
 
     def _collect(self, *, block: bool) -> None:
         for result in self._workers.collect(block=block):
@@ -82,7 +81,7 @@ class Pipeline:
             store.journal.append(record, store.recording.size - record.chunk.size)
         store.tables.add_flight(data)
         store.tables.add_files(record)
-        self.records.append(replace(record, pictures=()))
+        self.records.append(record.without_labels())
         self.kept_batches += result.was_complete
         self.frames += batch.frames
         self._on_done(self.frames)

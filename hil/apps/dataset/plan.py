@@ -38,6 +38,8 @@ from sim.sensors.radar_parameters import RadarParameters
 DEFAULT_BENCH = "rigs/datasets/park_loop.yaml"
 DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
 EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
+FORMATS = ("boxes", "kitti", "nuscenes")  # of 3-D labels
+ALWAYS_WRITTEN = ("euroc", "voc", "coco", "mcap")
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
 MISSION_NAME = "trajectory.waypoints"
 
@@ -112,6 +114,16 @@ class DatasetPlan:
         cameras = [n for n, s in self.frame_sensors.items() if s.kind == "camera"]
         return next((n for n in cameras if needed <= set(self.frame_sensors[n].parameters.channels)), None)
 
+    @property
+    def formats(self) -> frozenset[str]:
+        """Forms of 3-D labels to write; empty: none."""
+        return frozenset(self.config.dataset.formats)
+
+    @cached_property
+    def lidar(self) -> str | None:
+        """Name of the first LiDAR, that of KITTI and nuScenes. None if there is none."""
+        return next((name for name, sensor in self.frame_sensors.items() if sensor.kind == "lidar"), None)
+
     @cached_property
     def numbers(self) -> dict[str, int]:
         """Number of each sensor among the sensors of its kind, from 0, by name."""
@@ -163,18 +175,21 @@ def make_plan(
     seed: int | None,
     settings: tuple[str, ...],
     work: Callable[[], Path],
+    formats: tuple[str, ...] = (),
 ) -> DatasetPlan:
     """Load and check the bench. Raises ConfigError with every problem.
 
     `config` defaults to the bench that comes with `hil dataset`. `work` returns a folder for the mission file of a
     preset course; it is called only if the bench has one. `vehicle`: the one to record, of a bench with several.
+    `formats`: of 3-D labels, in place of the bench's own `dataset.formats`.
     """
     # The default bench is found as missions are: by its path, in the working directory or beside the package.
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
     quality_setting = (f"quality={quality}",) if quality is not None else ()
-    group = load_bench(path, seed=seed, settings=(*settings, *quality_setting), flown=False)
+    format_setting = _format_setting(formats)
+    group = load_bench(path, seed=seed, settings=(*settings, *quality_setting, *format_setting), flown=False)
     bench = _recorded(group, vehicle)
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
@@ -192,6 +207,20 @@ def make_plan(
     if vehicle is None:
         return DatasetPlan(bench, count, quality)
     return DatasetPlan(bench, count, quality, replace(group, vehicles={**group.vehicles, vehicle: bench}))
+
+
+def _format_setting(formats: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the setting of these forms of labels. Raises ConfigError for one that is unknown or always written."""
+    problems = []
+    for name in formats:
+        if name in ALWAYS_WRITTEN:
+            message = f"does not name {name}: it is always written"
+            problems.append(Problem("--format", message, f"leave it out, or choose one of {', '.join(FORMATS)}"))
+        elif name not in FORMATS:
+            problems.append(Problem("--format", f"is unknown: {name!r}", nearest(name, FORMATS)))
+    if problems:
+        raise ConfigError(problems)
+    return (f"dataset.formats=[{', '.join(dict.fromkeys(formats))}]",) if formats else ()
 
 
 def _recorded(bench: Bench, vehicle: str | None) -> Bench:
@@ -259,6 +288,8 @@ def _problems(bench: Bench, where: str) -> list[Problem]:
     for name in sorted(faulty_sensors & set(frame_sensors)):
         hint = "a fault depends on earlier samples, and samples are made out of order here: record it with `hil run`"
         problems.append(Problem(f"{where}: sensors.{name}", "has faults declared", hint))
+    if config.dataset.formats and frame_sensors:
+        problems += _label_problems(DatasetPlan(bench, 1, ""), where)
     for name, sensor in frame_sensors.items():
         p = sensor.parameters
         if isinstance(p, CameraParameters) and p.exposure.auto and "rgb" in p.channels:
@@ -271,6 +302,31 @@ def _problems(bench: Bench, where: str) -> list[Problem]:
         if isinstance(p, RadarParameters) and not set(p.outputs) & set(RADAR_FOLDERS):
             hint = "set outputs: [raw, range_doppler]; `hil radar` makes points and tracks of them"
             problems.append(Problem(f"{where}: sensors.{name}", "has neither raw data nor maps to record", hint))
+    return problems
+
+
+def _label_problems(plan: DatasetPlan, where: str) -> list[Problem]:
+    """Report what the forms of 3-D labels need and the bench does not have."""
+    place = f"{where}: dataset.formats"
+    if plan.labelled is None and plan.lidar is None:
+        hint = "add a LiDAR, or channels: [rgb, segmentation, instance] to a camera"
+        return [Problem(place, "needs a LiDAR or a camera that shows classes and instances", hint)]
+    problems = []
+    joint = " and ".join(name for name in FORMATS if name in plan.formats - {"boxes"})
+    if not joint:
+        return []
+    if plan.labelled is None:
+        hint = "add channels: [rgb, segmentation, instance] to a camera, or choose boxes"
+        problems.append(Problem(place, f"needs a camera that shows classes and instances, for {joint}", hint))
+    else:
+        camera = plan.frame_sensors[plan.labelled]
+        if not camera.parameters.model().pinhole:
+            hint = "remove its distortion, or choose boxes"
+            message = f"cannot describe the distortion of the camera {plan.labelled}: {joint} has rectified pictures"
+            problems.append(Problem(place, message, hint))
+    if plan.lidar is None:
+        hint = "add one under `sensors`, for example lidar: {preset: vlp16, rate_hz: 10}, or choose boxes"
+        problems.append(Problem(place, f"needs a LiDAR, for {joint}", hint))
     return problems
 
 

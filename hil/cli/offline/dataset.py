@@ -32,6 +32,14 @@ class DatasetOptions:
     quality: Annotated[
         str | None, typer.Option(help="low, medium, high, epic or cinematic; default as in the file.")
     ] = None
+    formats: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format",
+            help="3-D labels beside EuRoC, VOC and COCO: boxes, kitti or nuscenes; may be given several times.",
+            show_default=False,
+        ),
+    ] = None
     seed: SeedOption = None
     settings: SetOption = None
     quiet: QuietOption = False
@@ -39,7 +47,7 @@ class DatasetOptions:
 
 @takes(DatasetOptions)
 def dataset(o: DatasetOptions) -> None:
-    """Fly and record labelled data of all sensors as EuRoC, VOC and COCO files and as MCAP."""
+    """Fly and record labelled data of all sensors as EuRoC, VOC, COCO, KITTI and nuScenes files and as MCAP."""
     from hil.apps.dataset.command import run_dataset
     from hil.apps.dataset.make import MakeOptions
     from hil.apps.dataset.plan import DatasetPlan, make_plan
@@ -53,6 +61,7 @@ def dataset(o: DatasetOptions) -> None:
             seed=o.seed,
             settings=tuple(o.settings or ()),
             work=lambda: folder,
+            formats=tuple(o.formats or ()),
         )
 
     options = MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet)

@@ -39,6 +39,7 @@ struct LidarCloud {
     std::uint16_t *ring;
     std::int32_t *time_offset_ns;
     std::uint8_t *geom_class;
+    std::int32_t *ray;  // number of the point's ray in firing order; may be null
 };
 
 // Ray i uses draw first + i of both noise streams. Returns the number of reported points.

@@ -137,6 +137,7 @@ std::size_t receive(const LidarReceiver &receiver, const LidarEchoes &in, std::u
             cloud.ring[found] = in.ring[i];
             cloud.time_offset_ns[found] = in.time_offset_ns[i];
             cloud.geom_class[found] = in.geom_class[in.geom[in.place[i]]];
+            if (cloud.ray != nullptr) cloud.ray[found] = (std::int32_t)i;
             ++found;
         }
     }

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pydantic import TypeAdapter
 
 from hil.apps.dataset.formats.coco import CocoPicture
+from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.storage.tree import Written
 from hil.run.recorder.mcap.mcap_file import ChunkFacts
 from hil.run.runs.result_database import Database, UnusableDatabaseError
@@ -44,11 +45,16 @@ class BatchRecord:
     class_pixels: dict[int, int]
     chunk: StoredChunk
     pictures: tuple[CocoPicture, ...] = ()
+    annotated: tuple[AnnotatedFrame, ...] = ()  # frames with 3-D labels, for KITTI and nuScenes
     best_radar_frame: dict[str, tuple[float, int]] = field(default_factory=dict)  # by radar: rank, time of the frame
+
+    def without_labels(self) -> BatchRecord:
+        """Return the record without what takes memory and is read from the journal when it is needed."""
+        return replace(self, pictures=(), annotated=())
 
 
 _JSON = TypeAdapter(BatchRecord)
-_VERSION = 2  # of the table below
+_VERSION = 3  # of the table below
 _TABLES = {"batch": "number INTEGER PRIMARY KEY, offset INTEGER NOT NULL, record BLOB NOT NULL"}
 
 

@@ -145,7 +145,7 @@ def _other_sensor(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[st
     p, mount, comment = sensor.parameters, _mount(sensor.parameters), _description(name, sensor)
     T_BS = transform(mount.p_BC, mount.q_BC)
     if sensor.kind == "lidar":
-        comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class"
+        comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32, class and instance"
     elif sensor.kind == "imu":
         T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))
     keys = _SENSOR_KEYS.get(sensor.kind)

@@ -22,7 +22,7 @@ from hil.data_set_files import MANIFEST
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 
-FORMAT = 3
+FORMAT = 4
 LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
 BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # a resumed data set may have more frames

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.apps.dataset.formats.coco import CocoPicture
+from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import Journal
 from hil.apps.dataset.storage.layout import flight_mounts, headers
@@ -52,6 +53,10 @@ class DatasetStore:
     def coco_pictures(self) -> Iterator[CocoPicture]:
         """Yield the labels of all pictures in order, read from the journal because memory may not hold them all."""
         return (picture for record, _ in self.journal.entries() for picture in record.pictures)
+
+    def annotated_frames(self) -> Iterator[AnnotatedFrame]:
+        """Yield the frames with 3-D labels in order, as `coco_pictures` does."""
+        return (frame for record, _ in self.journal.entries() for frame in record.annotated)
 
     def close(self) -> None:
         """Close all files. Idempotent."""

@@ -46,8 +46,11 @@ def room(n: int) -> list[NDArray[Any]]:
 
 def received(model: dict[str, Any], n: int, first: int, isa: str = "") -> list[bytes]:
     receiver = LidarReceiver(**KEYS, resolution_m=0.002, min_range_m=0.5, max_range_m=60.0, **model)
-    out = room(n)
-    count = receiver.receive(first, *sweep_of(n).values(), *out, isa=isa)
+    out, ray = room(n), np.full(n, -1, np.int32)
+    count = receiver.receive(first, *sweep_of(n).values(), *out, ray=ray, isa=isa)
+    # Each ray fires at a time of its own.
+    assert np.array_equal(sweep_of(n)["time_offset_ns"][ray[:count]], out[4][:count])
+    assert (ray[count:] == -1).all()
     return [values[:count].tobytes() for values in out]
 
 
@@ -117,6 +120,10 @@ def test_what_does_not_fit_is_refused() -> None:
     for name, (values, message) in spoilt.items():
         with pytest.raises(ValueError, match=message):
             receiver.receive(0, *(good | {name: values}).values(), *room(40))
+    with pytest.raises(ValueError, match="ray has 39 rows for 40"):
+        receiver.receive(0, *good.values(), *room(40), ray=np.zeros(39, np.int32))
+    with pytest.raises(TypeError):
+        receiver.receive(0, *good.values(), *room(40), ray=np.zeros(40, np.int64))
     with pytest.raises(ValueError, match="resolution_m"):
         LidarReceiver(**KEYS, resolution_m=0.0, min_range_m=0.5, max_range_m=60.0, **MODELS["all"])
     with pytest.raises(ValueError, match="reflectivity"):

@@ -2,6 +2,7 @@
 
 /scene           foxglove.SceneUpdate: triangles of the scene, people and vehicles in it, the drones, the planned paths
 /scene/frames    foxglove.FrameTransforms: places of the scene's people and vehicles
+/scene/boxes     foxglove.SceneUpdate: boxes of the scene's people and vehicles (boxes.py)
 /map/plan        foxglove.GeoJSON: the planned paths
 /map/position    foxglove.LocationFix: true position; of one vehicle among several under its name
 
@@ -16,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.run.live.messages import Names
+from hil.run.parts.links.foxglove.boxes import BOXES, BoxView
 from hil.run.parts.links.foxglove.glb import glb
 from hil.run.parts.links.foxglove.server import LiveServer
 from hil.run.recorder.mcap.topics import BODY, WORLD
@@ -54,6 +56,7 @@ class SceneView:
         self._server, self._world, self._drones = server, world, drones
         self._local = LocalFrame(scene.site)
         self._actors = Actors(world)
+        self._boxes = BoxView(server, world)
         self._made = False
         server.declare_typed(SCENE, "SceneUpdate")
         server.declare_typed(PLAN, "GeoJson")
@@ -71,6 +74,8 @@ class SceneView:
             self._server.log(SCENE, self._scene(), t_ns, latch="scene")
         if FRAMES in wanted:
             self._server.log(FRAMES, self._frames(t_ns), t_ns)
+        if BOXES in wanted:
+            self._boxes.update(t_ns)
         for drone in self._drones:
             topic, truth = drone.topic(POSITION), truths.get(drone.name)
             if topic in wanted and truth is not None:

@@ -179,19 +179,25 @@ def test_lidar_reads_back_bit_for_bit(n: int) -> None:
     points = np.frombuffer(lidar_bin(sample), "<f4").reshape(-1, 4)
     assert np.array_equal(points[:, :3], sample.points_L)
     assert np.array_equal(points[:, 3], sample.intensity)
-    assert np.array_equal(np.frombuffer(lidar_label(sample), "<u4"), sample.segmentation)
-    head, rows = rows_of(lidar_csv(sample).decode())
+    instance = np.random.default_rng(3).integers(0, 65536, n).astype(np.uint16)
+    labels = np.frombuffer(lidar_label(sample, instance), "<u4")
+    assert np.array_equal(labels & 0xFFFF, sample.segmentation)
+    assert np.array_equal(labels >> 16, instance)
+    head, rows = rows_of(lidar_csv(sample, instance).decode())
     assert len(head) == len(CSV_HEADER.split(","))
-    table = np.array(rows, np.float32).reshape(-1, 8)
+    table = np.array(rows, np.float32).reshape(-1, 9)
     assert np.array_equal(table[:, :3], sample.points_L)
     assert np.array_equal(table[:, 3], sample.intensity)
     assert np.array_equal(table[:, 4], sample.range_m)
-    assert np.array_equal(table[:, 5:].astype(int).T, [sample.ring, sample.time_offset_ns, sample.segmentation])
+    columns = [sample.ring, sample.time_offset_ns, sample.segmentation, instance]
+    assert np.array_equal(table[:, 5:].astype(int).T, columns)
 
 
 def test_lidar_refusals() -> None:
     with pytest.raises(RecordingError, match="do not fit together"):
         lidar_bin(cloud()._replace(intensity=np.zeros(3, np.float32)))
+    with pytest.raises(RecordingError, match="199 instances and 200 points do not fit together"):
+        lidar_label(cloud(), np.zeros(199, np.uint16))
 
 
 def test_radar_reads_back_and_its_settings_open_as_a_recording(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from hil.config import load_bench
 from hil.run.loop.by_hand import HandControl, HandledVehicle, Refused
+from hil.run.parts.links.foxglove.boxes import BOXES, BoxView
 from hil.run.parts.links.foxglove.commands import _parameter_command
 from hil.run.parts.links.foxglove.feed import _SENT_TICKS, Tick, _selected
 from hil.run.parts.links.foxglove.glb import glb
@@ -162,3 +163,38 @@ def test_a_fault_with_numbers_too_large_is_refused_and_not_an_error_of_the_run()
     with pytest.raises(Refused, match="for_s"):  # a fault of a rotor has no end
         control.carry_out("inject", {"fault": {"rotor": 0, "kind": "stuck", "for_s": 5}}, vehicle)
     assert not vehicle.commands
+
+
+class _Messages:
+    """Stands for the SDK's messages: each is what it was made of."""
+
+    LinePrimitiveLineType = SimpleNamespace(LineList=2)
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda **fields: SimpleNamespace(kind=name, **fields)
+
+
+def test_boxes_of_people_move_with_them() -> None:
+    bench = load_bench(None, scene="city_park", settings=["mission=null"])
+    sent: list[Any] = []
+    server: Any = SimpleNamespace(
+        sdk=SimpleNamespace(messages=_Messages()),
+        declare_typed=lambda topic, message: sent.append((topic, message)),
+        log=lambda topic, message, t_ns: sent.append((topic, message.entities, t_ns)),
+    )
+    view = BoxView(server, bench.world)
+    assert sent == [(BOXES, "SceneUpdate")]
+    for t_ns in (0, 2_000_000_000):
+        view.update(t_ns)
+    (_, before, _), (_, after, _) = sent[1:]
+    assert [entity.id for entity in before] == [entity.id for entity in after]
+    assert {actor.name for actor in bench.world.map.actors} == {entity.id for entity in before}
+    moved = 0
+    for old, new in zip(before, after, strict=True):
+        assert {text.text for text in old.texts} <= {"person", "vehicle", "bicycle"}
+        points = [np.array([(p.x, p.y, p.z) for p in entity.lines[0].points]) for entity in (old, new)]
+        assert points[0].shape == (26, 3)  # twelve edges, and a line to the front
+        lengths = np.linalg.norm(np.diff(points[0].reshape(13, 2, 3), axis=1), axis=2).ravel()
+        assert np.allclose(np.sort(lengths[:12]).reshape(3, 4), np.sort(lengths[:12]).reshape(3, 4)[:, :1])
+        moved += float(np.abs(points[0] - points[1]).max()) > 0.5
+    assert moved > 3
