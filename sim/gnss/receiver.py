@@ -126,7 +126,7 @@ class SkyReceiver:
         self.views: tuple[SatelliteView, ...] = ()  # of the last sample
 
     def deaf(self, t_ns: int) -> None:
-        """Take notice of a sample without any signal."""
+        """Take notice of a sample without any signal of a satellite."""
         self._tracking.update(t_ns, [NO_SIGNAL] * len(self.orbits))
         self._kind(t_ns, None, 0, 0.0, 0.0)
         self._smooth, self._captured_ns = None, None
@@ -248,11 +248,11 @@ class SkyReceiver:
 
     def _spoofed(self, t_ns: int, spoofer: Spoofer, signals: list[Signal], jamming_db: float) -> SkyFix:
         """Return the fix of a receiver that a spoofer holds: a whole sky of signals, all of them false."""
-        if self._captured_ns is None:
-            self._captured_ns = t_ns
-        away_s = (t_ns - self._captured_ns) / NS_PER_S
+        since_ns = t_ns if self._captured_ns is None else self._captured_ns
+        self.deaf(t_ns)  # the true signals are lost, and have to be found again
+        self._captured_ns = since_ns
+        away_s = (t_ns - since_ns) / NS_PER_S
         o, v = spoofer.offset_m, spoofer.velocity_mps
-        self._smooth = None
         self._look(signals, signals)
         kind = min(self._best, FIX_3D)  # the base does not hear the false signals: no corrections fit
         return SkyFix(

@@ -6,8 +6,8 @@
     stuck_bit  bit `bit` of the output word (two's complement) is fixed at `level`
     dropout    no sample: `sample` returns None
     blocked    ports of a pitot-static tube are blocked by dirt, water or ice (sim/sensors/pitot.py)
-    jammer       a transmitter of noise disturbs a GPS that sees the sky (sim/gnss/interference.py)
-    spoofer      a transmitter of false signals, which hold the receiver where they are strong enough
+    jammer     a transmitter of noise disturbs a GPS that sees the sky (sim/gnss/interference.py)
+    spoofer    a transmitter of false signals, which hold the receiver where they are strong enough
 
 A fault is active while at_s <= t < until_s. Offset, drift and stuck_bit act on one field of the sample, by default its
 main field, on one axis or on all. Values derived from the field are computed anew (the pressure altitude from the
@@ -138,6 +138,7 @@ class Blocked(_Fault):
 class _Transmitter(_Fault):
     """Base of transmitters on the frequency of a GPS."""
 
+    kind: str
     place_m: tuple[Place, Place, Place]  # W
     power_dbm: Annotated[float, Field(ge=-100.0, le=100.0)]  # EIRP
     shadow_db: Annotated[float, Field(ge=0.0, le=100.0)] = 25.0  # lost while a solid is in between

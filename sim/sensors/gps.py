@@ -151,8 +151,17 @@ class Gps(InstalledSensor):
         )
 
     def _without_fix(self, t_ns: int, seq: int, satellites: int) -> GpsSample:
-        lost = (0.0, 0.0, 0.0), _LOST_ACCURACY_M, _LOST_ACCURACY_M, _NO_FIX, satellites
-        return GpsSample(seq, t_ns, t_ns + self.latency_ns, *self._held, *lost)
+        return GpsSample(
+            seq,
+            t_ns,
+            t_ns + self.latency_ns,
+            *self._held,
+            (0.0, 0.0, 0.0),
+            _LOST_ACCURACY_M,
+            _LOST_ACCURACY_M,
+            _NO_FIX,
+            satellites,
+        )
 
     def _under_the_sky(self, t_ns: int, seq: int, fix: SkyFix, p_W: Vec3, v_W: Vec3) -> GpsSample:
         """Return the sample of a fix: the preset's errors times its scale, and its own errors."""

@@ -75,7 +75,7 @@ class GnssPart(Part):
         run = self._run
         assert run is not None
         for name, course in self._courses.items():
-            t_ns = tick * run.bench.config.tick_ns
+            t_ns = (tick - 1) * run.bench.config.tick_ns  # of the tick that has passed
             taken = course.take(t_ns)
             if taken is None:
                 continue

@@ -84,6 +84,8 @@ def test_a_spoofer_moves_the_place_at_its_speed() -> None:
     for k, sample in enumerate(samples):
         place = frame.enu_from_geodetic(sample.latitude_deg, sample.longitude_deg, sample.altitude_m)
         held = 10 <= k < 30
+        if 30 <= k < 36:
+            continue  # it looks for the true signals again
         away = (30.0 + 0.2 * (k - 10), -10.0, 75.0) if held else (0.0, 0.0, 70.0)
         assert place == pytest.approx(away, abs=1e-3)
         assert sample.fix_type == 3
