@@ -92,7 +92,7 @@ class GpsSample(NamedTuple):
 
 
 class SkySample(NamedTuple):
-    """What a GNSS receiver sees of the sky, and the true error of its position by it: no receiver sends it so."""
+    """The sky as a GNSS receiver sees it, and the true error of its position by it: no receiver sends it so."""
 
     seq: Count
     t_capture_ns: Ns

@@ -49,6 +49,7 @@ _ONE: Vec3 = (1.0, 1.0, 1.0)
 _COMMON_DBHZ = 30.0  # above which a carrier counts for RTK
 _FLOAT_SMOOTHING = 15.0  # times as long as that of code alone
 _VERTICAL = 1.5  # errors of a height over those of a horizontal axis, as in the presets
+_HELD_ACCURACY_M = 50.0  # reported of a height that is held
 _SPOOFED_OVER_DB = -3.0  # of the signals of a spoofer over those of satellites at the zenith
 
 
@@ -62,7 +63,7 @@ class SatelliteView(NamedTuple):
 
 
 class SkyFix(NamedTuple):
-    """What the sky makes of one sample."""
+    """Fix of one sample, and how the sky was for it."""
 
     fix_type: int
     satellites: int
@@ -108,7 +109,7 @@ class SkyReceiver:
         self._R_WE = [-sl, cl, 0.0, -sp * cl, -sp * sl, cp, cp * cl, cp * sl, sp]
         self._origin_E = ecef_from_geodetic(site.latitude_deg, site.longitude_deg, site.altitude_m)
         mask_sine = det_sin(sky.elevation_mask_deg * RAD_PER_DEG)
-        surroundings = Surroundings(geometry, smallest_face_m2=sky.smallest_face_m2)
+        surroundings = Surroundings.of(geometry, smallest_face_m2=sky.smallest_face_m2)
         self.faces = len(surroundings.faces)
         self.listener = Listener(surroundings, receiver, sky, mask_sine=mask_sine)
         self._tracking = Tracking(receiver, len(self.orbits), start=sky.start)
@@ -194,6 +195,9 @@ class SkyReceiver:
             share = self._follow_float if kind == FLOAT else self._follow
             shift = self._smoothed(position.shift_m, share)
         self._height_error_m = shift[2]
+        residual_up = 0.0
+        if kind == FIX_2D:  # the height is that of the last fix: it has no dilution
+            scale, residual_up = (scale[0], scale[1], 1.0), _HELD_ACCURACY_M
         east, north, up, _ = position.dilution
         a, b, c = position.variance
         horizontal, vertical = math.sqrt(a + b), math.sqrt(c)
@@ -207,7 +211,7 @@ class SkyReceiver:
             shift,
             position.speed_shift_mps,
             self._least(kind),
-            (residual * horizontal, residual * vertical),
+            (residual * horizontal, max(residual * vertical, residual_up)),
             math.sqrt(east + north),
             math.sqrt(up),
             math.sqrt(east + north + up),

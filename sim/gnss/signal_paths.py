@@ -34,7 +34,7 @@ FARTHEST_FACE_M = 250.0  # beyond, most faces are smaller than the first Fresnel
 
 
 class Reach(NamedTuple):
-    """What rays met: of each, the distance to the first solid, and the way through foliage before it."""
+    """Ends of rays: of each, the distance to the first solid, and the way through foliage before it."""
 
     range_m: Float64  # +inf: nothing
     geom: NDArray[np.int32]  # -1: nothing
@@ -60,7 +60,7 @@ class SignalPaths:
 
     def __init__(self, surroundings: Surroundings) -> None:
         self._around = surroundings
-        self._caster = surroundings.geometry.caster
+        self._caster = surroundings.caster
         self._of = np.empty((_MOST_IMAGES, 2), np.int32)
         self._what = np.empty((_MOST_IMAGES, 9))
         self.rays = 0

@@ -1,4 +1,4 @@
-"""What a scene does to signals from satellites: its static solids, its foliage, and its large faces.
+"""A scene as signals from satellites meet it: its static solids, its foliage, and its large faces.
 
     solid    blocks: all static, visible geoms but foliage, terrain too
     foliage  attenuates: geoms of the classes tree, hedge, bush and vegetation, trunks included, which are thinner than
@@ -44,8 +44,17 @@ _SAME_NORMAL, _SAME_PLANE_M = 2e-3, 0.02  # grid on which triangles of one plane
 class Surroundings:
     """The static part of a world as signals from satellites meet it."""
 
+    @classmethod
+    def of(cls, geometry: FrameGeometry, *, smallest_face_m2: float) -> Surroundings:
+        """Return those of a geometry, which all receivers in it share."""
+        key = (cls, smallest_face_m2)
+        if key not in geometry.prepared:
+            geometry.prepared[key] = cls(geometry, smallest_face_m2=smallest_face_m2)
+        shared: Surroundings = geometry.prepared[key]
+        return shared
+
     def __init__(self, geometry: FrameGeometry, *, smallest_face_m2: float) -> None:
-        self.geometry = geometry
+        self.caster = geometry.caster
         world = geometry.world
         model, surfaces = world.model, world.surfaces
         leaves = [number for number, surface in enumerate(surfaces) if surface == LEAVES]

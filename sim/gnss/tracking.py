@@ -1,4 +1,4 @@
-"""Which signals a receiver tracks, and when it has its first fix.
+"""Locks of a receiver: the signals that it tracks, and the time to its first fix.
 
 A signal that falls below `tracking_dbhz` is lost at once. It is found again after it has been above `acquisition_dbhz`
 for `reacquisition_s`. A receiver that starts `hot`, `warm` or `cold` has no satellite before four signals could be

@@ -1,4 +1,4 @@
-"""What the receivers of a run saw of the sky: events, topic, run.json and pictures; in runs with `sky` of a gps."""
+"""The sky of a run's GNSS receivers: events, topic, run.json and pictures; in runs with `sky` of a gps."""
 
 from __future__ import annotations
 

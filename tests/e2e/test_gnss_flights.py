@@ -1,0 +1,59 @@
+"""Flights of the mock under a sky: an open one changes nothing, a jammer costs the position, a spoofer is followed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hil.config import load_bench
+from hil.run.bench_run import run_bench
+from hil.run.recorder.reading import Recording
+
+GPS = "sensors:\n  gps: {preset: here_plus, rate_hz: 10, sky: %s}\n"
+
+
+def fly(folder: Path, text: str) -> dict[str, Any]:
+    path = folder / "bench.yaml"
+    path.write_text(f"rig: mock\nautopilot: {{transport: loopback}}\n{text}")
+    return run_bench(load_bench(path), folder / "run", quiet=True).run
+
+
+def test_a_short_jamming_is_flown_through_and_recorded(tmp_path: Path) -> None:
+    jammer = "{kind: jammer, sensor: gps, at_s: 40, until_s: 41.5, place_m: [0, 0, 2], power_dbm: 40}"
+    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {jammer}\n")
+    assert run["status"] == "PASS"
+    gnss = run["gnss"]["gps"]
+    assert set(gnss["fixes"]) == {"no fix", "RTK float", "RTK fixed"}
+    assert 15 <= gnss["fixes"]["no fix"] <= 27
+    assert gnss["satellites"]["min"] == 0
+    assert any(row["what"] == "gps: rays to satellites" for row in run["skipped"])
+    assert (tmp_path / "run/sky_gps.png").stat().st_size > 10_000
+    recording = Recording(tmp_path / "run/run.mcap")
+    sky = [m for chunk in recording.chunks() for m in recording.messages_of(chunk) if m.topic == "/gps/sky"]
+    assert len(sky) == gnss["samples"]
+
+
+def test_a_long_jamming_ends_in_the_failsafe(tmp_path: Path) -> None:
+    jammer = "{kind: jammer, sensor: gps, at_s: 40, place_m: [0, 0, 2], power_dbm: 40}"
+    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {jammer}\nfailsafe: {{}}\n")
+    assert run["error"] is None
+    assert any("no valid position" in failsafe["text"] for failsafe in run["failsafes"])
+
+
+def test_a_spoofer_pulls_the_vehicle_away(tmp_path: Path) -> None:
+    spoofer = "{kind: spoofer, sensor: gps, at_s: 40, place_m: [0, 0, 2], power_dbm: 20, velocity_mps: [0, 1, 0]}"
+    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {spoofer}\n")
+    assert run["status"] == "FAIL"
+    assert run["error"] is None
+    assert run["mission"]["max_cross_track_m"] > 3.0
+    assert run["gnss"]["gps"]["spoofed"] > 10
+
+
+def test_under_an_open_sky_the_vehicle_flies_the_same(tmp_path: Path) -> None:
+    tracks = []
+    for name, sky in (("without", "null"), ("with", "{}")):
+        (tmp_path / name).mkdir()
+        run = fly(tmp_path / name, GPS % sky + "record: {mcap: false, tlog: false, report: false}\n")
+        tracks.append((run["mission"], run["sim_s"]))
+    assert tracks[0] == tracks[1]
+    assert tracks[0][0]["completed"] is True
