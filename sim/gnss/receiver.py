@@ -31,7 +31,7 @@ from sim._kernels import satellite_directions
 from sim.frame.geometry import FrameGeometry
 from sim.gnss.constellations import nominal_orbits
 from sim.gnss.gps_time import DEFAULT_UTC, gps_seconds
-from sim.gnss.interference import SIGNAL_DBW, Emitter, Spoofer
+from sim.gnss.interference import BANDS, SIGNAL_DBW, Emitter, Spoofer
 from sim.gnss.orbit import Orbit, orbit_table
 from sim.gnss.parameters import ReceiverParameters, SkyParameters
 from sim.gnss.position import Position, open_variance, ranges_of, solve
@@ -145,11 +145,12 @@ class SkyReceiver:
         p, sky = self._p, self._sky
         up_W = rotate_into_world(q_WB, _UP_B)
         every = self.directions(t_ns, antenna_W)
-        powers = [self.listener.received_dbw(spoofer.emitter, antenna_W, up_W) for spoofer in self.spoofers]
-        noise = (*self.jammers, *(spoofer.emitter for spoofer in self.spoofers))
-        signals = self.listener.listen(antenna_W, up_W, every, self._systems, noise)
-        jamming_db = max((self.listener.received_dbw(j, antenna_W, up_W) - SIGNAL_DBW for j in noise), default=0.0)
-        holder = _captor(self.spoofers, powers)
+        emitters = (*(spoofer.emitter for spoofer in self.spoofers), *self.jammers)
+        powers = [self.listener.received_dbw(emitter, antenna_W, up_W) for emitter in emitters]
+        received = [(power_dbw, BANDS[emitter.band]) for power_dbw, emitter in zip(powers, emitters, strict=True)]
+        signals = self.listener.listen(antenna_W, up_W, every, self._systems, received)
+        jamming_db = max(powers) - SIGNAL_DBW if powers else 0.0
+        holder = _captor(self.spoofers, powers[: len(self.spoofers)])
         if holder is not None:
             return self._spoofed(t_ns, holder, signals, jamming_db)
         self._captured_ns = None

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from signals.samples import Vec3
 from sim.gnss.decibel import decibel
-from sim.gnss.interference import BANDS, SIGNAL_DBW, Emitter, jammed_dbhz, received_dbw
+from sim.gnss.interference import SIGNAL_DBW, Emitter, jammed_dbhz, received_dbw
 from sim.gnss.multipath import reflection_amplitude
 from sim.gnss.parameters import ReceiverParameters, SkyParameters
 from sim.gnss.signal_paths import Reflection, SignalPaths, foliage_loss_db
@@ -79,9 +79,12 @@ class Listener:
         self.samples = self.clear = 0  # all samples, and those without a ray to a satellite
 
     def listen(
-        self, antenna_W: Vec3, up_W: Vec3, every: Float64, systems: list[System], jammers: tuple[Emitter, ...]
+        self, antenna_W: Vec3, up_W: Vec3, every: Float64, systems: list[System], received: list[tuple[float, float]]
     ) -> list[Signal]:
-        """Return the signals of the satellites above the mask. `every`: unit vectors to all satellites (n, 3)."""
+        """Return the signals of the satellites above the mask.
+
+        `every`: unit vectors to all satellites (n, 3). `received`: power [dBW] and Q of each transmitter.
+        """
         above = np.flatnonzero(every[:, 2] >= self._mask_sine)
         directions = np.ascontiguousarray(every[above])
         numbers, rows = above.tolist(), [(d[0], d[1], d[2]) for d in directions.tolist()]
@@ -94,7 +97,6 @@ class Listener:
             self.clear += 1
         else:
             self._cast(antenna_W, up_W, directions, signals)
-        received = [(self.received_dbw(jammer, antenna_W, up_W), BANDS[jammer.band]) for jammer in jammers]
         for signal in signals:
             self._tune(signal, received)
         return signals
