@@ -172,6 +172,7 @@ class SkyReceiver:
         if kind >= FLOAT:  # only carriers in common with the base, seen directly, take part
             used = [tracked[i] for i in common]
             position = solve(used, ranges_of(used, v_W, p), residual_limit_m=math.inf, height_error_m=0.0)
+            kind = kind if position.solved else NO_FIX
         self._look(signals, used)
         if kind < FIX_2D:
             self._smooth = None

@@ -25,6 +25,9 @@ def with_almanac(parameters: GpsParameters, settings: Settings, place: Place, pr
     if sky.orbits:
         problems.append(at(settings, here, "is given, and so are orbits", "leave one out"))
         return parameters
+    if "gps" not in (sky.systems or parameters.systems):
+        problems.append(at(settings, here, "holds satellites of gps, which systems leaves out", "add gps to systems"))
+        return parameters
     path = named_file(sky.almanac, settings, here, problems)
     if path is None:
         return parameters

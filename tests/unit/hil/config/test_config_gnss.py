@@ -61,6 +61,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path) -> None:
     assert "elevation_mask_deg" in refused(tmp_path, "{elevation_mask_deg: 80}")
     assert "systems" in refused(tmp_path, "{systems: [navstar]}")
     assert "unknown" in refused(tmp_path, "{sattelites: 3}")
+    assert "which systems leaves out" in refused(tmp_path, "{almanac: current.alm, systems: [galileo]}")
     bad = written(tmp_path, "{almanac: current.alm}")
     (tmp_path / "current.alm").write_text(ALMANAC.replace("5153.6", "fast"))
     with pytest.raises(ConfigError) as caught:
