@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -12,8 +13,11 @@ import pytest
 from signals.geodesy import LocalFrame
 from sim._kernels import solve_gnss
 from sim.frame.source import SharedFrames
+from sim.gnss.signal_paths import SignalPaths
+from sim.gnss.surroundings import Surroundings
 from sim.scene.scene import Scene, load_scene
-from sim.sensors.catalog import PRESETS
+from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.sensor import Installation
 from sim.world_loader import load_world
 from tests.worlds.street_canyon import at, canyon, frames_of, one_wall, receiver_in
 
@@ -199,9 +203,6 @@ def test_foliage_weakens_and_does_not_block() -> None:
     scene = load_scene("city_park")
     world = load_world(scene)
     frames = SharedFrames(world)
-    from sim.gnss.signal_paths import SignalPaths
-    from sim.gnss.surroundings import Surroundings
-
     around = Surroundings(frames.geometry, smallest_face_m2=4.0)
     paths = SignalPaths(around)
     tree = int(np.flatnonzero(around.geom_foliage & (world.geom_class == world.class_names.index("tree")))[0])
@@ -242,9 +243,6 @@ def test_a_reported_accuracy_covers_the_error_in_a_canyon() -> None:
 
 
 def test_without_geometry_a_sky_is_refused() -> None:
-    from sim.sensors.catalog import make_sensor
-    from sim.sensors.sensor import Installation
-
     scene: Scene = load_scene("airfield")
     with pytest.raises(ValueError, match="needs the world's geometry"):
         make_sensor(
@@ -252,3 +250,25 @@ def test_without_geometry_a_sky_is_refused() -> None:
             preset="m8n",
             overrides={"sky": {}},
         )
+
+
+def test_terrain_hides_satellites(tmp_path: Path) -> None:
+    heights = " ".join(str(max(0.0, row - 4) / 4.0) for row in range(9) for _ in range(9))  # rises to the south
+    (tmp_path / "hill.xml").write_text(
+        f'<mujoco><asset><hfield name="hill" nrow="9" ncol="9" size="400 400 300 1" elevation="{heights}"/></asset>'
+        '<worldbody><geom name="hill" type="hfield" hfield="hill"/></worldbody></mujoco>'
+    )
+    scene = load_scene(tmp_path / "hill.xml")
+    world = load_world(scene)
+    gps = make_sensor(
+        Installation("gps", rate_hz=5.0, seed=1, scene=scene, step_ns=4_000_000, frames=SharedFrames(world)),
+        preset="f9p",
+        overrides={"sky": {}},
+    )
+    p_W = (0.0, 20.0, 2.0)
+    gps.sample(at(p_W), 0)
+    views = gps.receiver.views
+    free = free_by_mujoco(world, p_W, np.array([view.direction for view in views]))
+    assert [view.state in ("used", "visible") for view in views] == free
+    assert 0 < sum(free) < len(free)
+    assert all(view.direction[1] < 0.0 for view, is_free in zip(views, free, strict=True) if not is_free)
