@@ -11,6 +11,7 @@ from hil.config import load_bench
 from hil.run.bench_run import run_bench
 
 GPS = "sensors:\n  gps: {preset: here_plus, rate_hz: 10, sky: %s}\n"
+BRIEF = "record: {mcap: false, tlog: false, report: false}\nduration_s: 32\n"
 
 
 def fly(folder: Path, text: str) -> dict[str, Any]:
@@ -38,15 +39,15 @@ def test_a_short_jamming_is_flown_through_and_recorded(tmp_path: Path) -> None:
 
 
 def test_a_long_jamming_ends_in_the_failsafe(tmp_path: Path) -> None:
-    jammer = "{kind: jammer, sensor: gps, at_s: 40, place_m: [0, 0, 2], power_dbm: 40}"
-    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {jammer}\nfailsafe: {{}}\n")
+    jammer = "{kind: jammer, sensor: gps, at_s: 20, place_m: [0, 0, 2], power_dbm: 40}"
+    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {jammer}\n{BRIEF}")
     assert run["error"] is None
     assert any("no valid position" in failsafe["text"] for failsafe in run["failsafes"])
 
 
 def test_a_spoofer_pulls_the_vehicle_away(tmp_path: Path) -> None:
-    spoofer = "{kind: spoofer, sensor: gps, at_s: 40, place_m: [0, 0, 2], power_dbm: 20, velocity_mps: [0, 1, 0]}"
-    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {spoofer}\n")
+    spoofer = "{kind: spoofer, sensor: gps, at_s: 20, place_m: [0, 0, 2], power_dbm: 20, velocity_mps: [0, 1, 0]}"
+    run = fly(tmp_path, GPS % "{}" + f"faults:\n  sensors:\n    - {spoofer}\n{BRIEF}")
     assert run["status"] == "FAIL"
     assert run["error"] is None
     assert run["mission"]["max_cross_track_m"] > 3.0
@@ -57,7 +58,7 @@ def test_under_an_open_sky_the_vehicle_flies_the_same(tmp_path: Path) -> None:
     tracks = []
     for name, sky in (("without", "null"), ("with", "{}")):
         (tmp_path / name).mkdir()
-        run = fly(tmp_path / name, GPS % sky + "record: {mcap: false, tlog: false, report: false}\nduration_s: 40\n")
+        run = fly(tmp_path / name, GPS % sky + BRIEF)
         tracks.append((run["mission"], run["sim_s"]))
     assert tracks[0] == tracks[1]
     assert tracks[0][0]["reached"] > 0
