@@ -91,6 +91,25 @@ class GpsSample(NamedTuple):
     satellites: Count
 
 
+class SkySample(NamedTuple):
+    """The sky as a GNSS receiver sees it, and the true error of its position by it: no receiver sends it so."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    hdop: Annotated[float, "1"]  # 99.99: no solution, as are vdop and pdop then
+    vdop: Annotated[float, "1"]
+    pdop: Annotated[float, "1"]
+    in_view: Count  # satellites above the elevation mask
+    visible: Count  # of these, not behind a solid
+    used: Count
+    reflected: Count  # of those used, received by a reflection alone
+    mean_cn0_dbhz: Annotated[float, "dB-Hz"]  # of those used; 0 without one
+    jamming_db: Annotated[float, "dB"]  # greatest J/S of a transmitter for a satellite at the zenith; 0: none is on
+    spoofed: Annotated[bool, "bool"]
+    shift_W_m: Annotated[Vec3, "m", "W"]  # by reflections or a spoofer
+
+
 class RangeSample(NamedTuple):
     """Distance along the sensor's axis."""
 
@@ -255,6 +274,7 @@ Sample = (
     | MagSample
     | BaroSample
     | GpsSample
+    | SkySample
     | RangeSample
     | FlowSample
     | OdometrySample

@@ -123,7 +123,9 @@ class Ports:
         """Return True if a sensor of these ports needs the world's geometry."""
         sensors = bench.config.sensors
         observed = {name.partition("/")[0] for name in names}
-        return any(KINDS[sensor.kind].needs_frames for name, sensor in sensors.items() if name in observed)
+        return any(
+            KINDS[sensor.kind].needs_geometry(sensor.parameters) for name, sensor in sensors.items() if name in observed
+        )
 
     @property
     def spaces(self) -> dict[str, Box]:

@@ -10,6 +10,7 @@ void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
 void bind_gait(nb::module_ &m);
+void bind_gnss(nb::module_ &m);
 void bind_ideal_controller(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
@@ -32,6 +33,7 @@ NB_MODULE(_kernels, m) {
     bind_extinction(m);
     bind_frame(m);
     bind_gait(m);
+    bind_gnss(m);
     bind_ideal_controller(m);
     bind_image_noise(m);
     bind_imu(m);

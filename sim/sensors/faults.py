@@ -6,6 +6,8 @@
     stuck_bit  bit `bit` of the output word (two's complement) is fixed at `level`
     dropout    no sample: `sample` returns None
     blocked    ports of a pitot-static tube are blocked by dirt, water or ice (sim/sensors/pitot.py)
+    jammer     a transmitter of noise disturbs a GPS that sees the sky (sim/gnss/interference.py)
+    spoofer    a transmitter of false signals, which hold the receiver where they are strong enough
 
 A fault is active while at_s <= t < until_s. Offset, drift and stuck_bit act on one field of the sample, by default its
 main field, on one axis or on all. Values derived from the field are computed anew (the pressure altitude from the
@@ -16,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, model_validator
 
@@ -39,9 +41,13 @@ from signals.samples import (
     VaneSample,
 )
 from signals.time import NS_PER_S
+from sim.gnss.interference import Emitter, Spoofer
 from sim.scene.atmosphere import pressure_altitude_m
 from sim.sensors.blockage import BlockedPorts
 from sim.sensors.sensor import Sensor
+
+if TYPE_CHECKING:
+    from sim.gnss.receiver import SkyReceiver
 
 # Fields that faults can act on, the main field first, with the number of axes (1: a scalar).
 FAULT_FIELDS: dict[type, dict[str, int]] = {
@@ -61,13 +67,25 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     RadarSample: {},
 }
 # Kinds of faults inside the sensor, which only sensors of one sample type have.
-INNER_FAULTS: dict[str, type] = {"blocked": DifferentialPressureSample}
+INNER_FAULTS: dict[str, type] = {
+    "blocked": DifferentialPressureSample,
+    "jammer": GpsSample,
+    "spoofer": GpsSample,
+}
+TRANSMITTERS = ("jammer", "spoofer")  # of a gps with `sky`
+_INNER_WHY = {
+    "blocked": "only a pitot tube has ports",
+    "jammer": "only a gps hears transmitters",
+    "spoofer": "only a gps hears transmitters",
+}
 _STAMPS = 3  # seq, t_capture_ns, t_available_ns: faults leave them unchanged
 _AXES = "xyz"
 _WORD_BITS = 32
 
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 Size = Annotated[float, Field(ge=-1e9, le=1e9)]
+Place = Annotated[float, Field(ge=-1e6, le=1e6)]
+Speed = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
 
 class _Fault(StrictModel):
@@ -117,6 +135,35 @@ class Blocked(_Fault):
         return BlockedPorts(self.port, open_share, self.leak, self.response_s)
 
 
+class _Transmitter(_Fault):
+    """Base of transmitters on the frequency of a GPS."""
+
+    kind: str
+    place_m: tuple[Place, Place, Place]  # W
+    power_dbm: Annotated[float, Field(ge=-100.0, le=100.0)]  # EIRP
+    shadow_db: Annotated[float, Field(ge=0.0, le=100.0)] = 25.0  # lost while a solid is in between
+
+    def emitter(self, band: str) -> Emitter:
+        """Return the transmitter as a receiver hears it."""
+        return Emitter(self.place_m, self.power_dbm - 30.0, band, self.shadow_db)
+
+
+class Jammer(_Transmitter):
+    """Fault that puts a jammer into the scene."""
+
+    kind: Literal["jammer"]
+    band: Literal["narrow", "code", "wide"] = "wide"
+
+
+class SpoofedPlace(_Transmitter):
+    """Fault that puts a spoofer into the scene."""
+
+    kind: Literal["spoofer"]
+    capture_db: Annotated[float, Field(ge=0.0, le=60.0)] = 6.0  # over the satellites, from which it holds the receiver
+    offset_m: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)  # of the false place from the true one, W
+    velocity_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)  # at which the false place moves away
+
+
 class _ValueFault(_Fault):
     """Base of faults of one field."""
 
@@ -146,7 +193,9 @@ class StuckBit(_ValueFault):
     level: Annotated[int, Field(ge=0, le=1)]
 
 
-SensorFault = Annotated[Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked, Field(discriminator="kind")]
+SensorFault = Annotated[
+    Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked | Jammer | SpoofedPlace, Field(discriminator="kind")
+]
 FAULT_LIST: TypeAdapter[list[Any]] = TypeAdapter(list[SensorFault])
 
 
@@ -159,7 +208,7 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
             continue
         inner = INNER_FAULTS.get(fault.kind, kind)
         if inner is not kind:
-            yield index, "kind", f"is {fault.kind!r}, which {fault.sensor!r} cannot have: only a pitot tube has ports"
+            yield index, "kind", f"is {fault.kind!r}, which {fault.sensor!r} cannot have: {_INNER_WHY[fault.kind]}"
             continue
         if not isinstance(fault, _ValueFault):
             continue
@@ -200,6 +249,8 @@ class FaultySensor:
         self.resolution = sensor.resolution
         self._sensor = sensor
         self._has_ports = hasattr(sensor, "blockage")
+        self._receiver: SkyReceiver | None = getattr(sensor, "receiver", None)
+        self._expect_sky(faults)
         self._spans = [(fault, *fault.span_ns) for fault in faults]
         self._active = [False] * len(faults)
         self._acted = [False] * len(faults)
@@ -211,6 +262,7 @@ class FaultySensor:
         """Add a fault during the run. Raises ValueError if it does not fit the sensor."""
         for _, key, text in fault_problems((fault,), {self.name: self.sample_type}):
             raise ValueError(f"fault of {fault.sensor}: {key} {text}")
+        self._expect_sky((fault,))
         self._spans.append((fault, *fault.span_ns))
         self._active.append(False)
         self._acted.append(False)
@@ -224,6 +276,8 @@ class FaultySensor:
         """Return sample `seq` with the faults that are active at `truth.t_ns`; None during a dropout."""
         if self._has_ports:
             self._sensor.blockage.set(self._blocked_ports(truth.t_ns))  # type: ignore[attr-defined]
+        if self._receiver is not None:
+            self._transmit(self._receiver, truth.t_ns)
         sample = self._sensor.sample(truth, seq)
         t_ns, dropped = truth.t_ns, False
         values = sample[_STAMPS:]
@@ -237,7 +291,7 @@ class FaultySensor:
             if not active:
                 continue
             self._acted[i] = True
-            if isinstance(fault, Blocked):
+            if isinstance(fault, Blocked | _Transmitter):
                 continue  # in the sample already
             if isinstance(fault, Dropout):
                 dropped = True
@@ -250,6 +304,21 @@ class FaultySensor:
         self._last = values
         faulty: Sample = self.sample_type(*sample[:_STAMPS], *values)
         return faulty
+
+    def _expect_sky(self, faults: Sequence[Any]) -> None:
+        for fault in faults:
+            if isinstance(fault, _Transmitter) and self._receiver is None:
+                raise ValueError(f"fault of {fault.sensor}: kind is {fault.kind!r}, which needs a gps with `sky`")
+
+    def _transmit(self, receiver: SkyReceiver, t_ns: int) -> None:
+        """Give the receiver the transmitters that are on."""
+        active = [fault for fault, begin, end in self._spans if begin <= t_ns and (end is None or t_ns < end)]
+        receiver.jammers = tuple(fault.emitter(fault.band) for fault in active if isinstance(fault, Jammer))
+        receiver.spoofers = tuple(
+            Spoofer(fault.emitter("code"), fault.capture_db, fault.offset_m, fault.velocity_mps)
+            for fault in active
+            if isinstance(fault, SpoofedPlace)
+        )
 
     def _blocked_ports(self, t_ns: int) -> BlockedPorts | None:
         """Return the blockage by the last of the active faults."""

@@ -73,6 +73,7 @@ class Kind:
     sensor: Any  # callable (Installation, parameters) -> Sensor
     parameters: type[StrictModel]
     parts: str | None = None  # name of the parameter that lists the channels of a sample; each is a port
+    casts: Callable[[Any], bool] | None = None  # parameters -> whether a sensor without frames casts rays in the scene
 
     @property
     def sample_type(self) -> type:
@@ -82,8 +83,12 @@ class Kind:
 
     @property
     def needs_frames(self) -> bool:
-        """True if the sensor needs the world's geometry (`Installation.frames`)."""
+        """True if its samples are frames; each such sensor needs the world's geometry."""
         return self.sample_type in FRAME_SAMPLES
+
+    def needs_geometry(self, parameters: Any) -> bool:
+        """Return True if a sensor with these parameters needs the world's geometry (`Installation.frames`)."""
+        return self.needs_frames or (self.casts is not None and self.casts(parameters))
 
 
 class Sensor(Protocol):

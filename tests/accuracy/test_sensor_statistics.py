@@ -23,6 +23,7 @@ from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation
+from tests.worlds.street_canyon import frames_of
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
@@ -38,8 +39,11 @@ def still(**changes: Any) -> TruthState:
 
 
 def sensor(preset: str, seed: int, rate_hz: float, **overrides: Any) -> Any:
+    frames = frames_of(SCENE.model_dump_json()) if overrides.get("sky") is not None else None
     return make_sensor(
-        Installation("s", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS), preset=preset, overrides=overrides
+        Installation("s", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, frames=frames),
+        preset=preset,
+        overrides=overrides,
     )
 
 
@@ -59,14 +63,15 @@ def drifting(pairs: np.ndarray, drift: float, white: float, decay: float) -> Non
     assert np.diff(pairs, axis=1).std() == pytest.approx(step, rel=REL)
 
 
+@pytest.mark.parametrize("sky", [None, {}], ids=["without a sky", "under an open sky"])
 @pytest.mark.parametrize("preset", of_kind("gps"))
-def test_gps_position_and_velocity(preset: str) -> None:
+def test_gps_position_and_velocity(preset: str, sky: dict[str, Any] | None) -> None:
     p: Any = PRESETS[preset].parameters
     frame = LocalFrame(SCENE.site)
     later = 20  # samples of 0.1 s
     position, velocity, stated = [], [], []
     for seed in range(SEEDS):
-        gps = sensor(preset, seed, 10.0)
+        gps = sensor(preset, seed, 10.0, sky=sky)
         samples = [gps.sample(still(), k) for k in (0, later)]
         position.append([frame.enu_from_geodetic(s.latitude_deg, s.longitude_deg, s.altitude_m) for s in samples])
         velocity.append(samples[0].v_W)

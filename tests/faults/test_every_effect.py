@@ -39,7 +39,7 @@ from hil.run.loop.stages import plan_stages
 from hil.run.part import RunContext
 from hil.run.parts.links import faults as faults_part
 from hil.run.recorder.recorder import Recorder
-from hil.run.sensors.frame_stages import is_wanted, stage_specs
+from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, stage_specs
 from hil.run.sensors.sensor_slots import SensorSlots
 from sim.physics.forces.force import Effects
 from sim.randomize.settings import FEATURES
@@ -262,7 +262,8 @@ def slots_of(bench: Any, out: Path) -> dict[str, Callable[[Any], Any]]:
     plan = plan_stages(stage_specs(bench.config))
     wanted = {name: sensor for name, sensor in bench.config.sensors.items() if is_wanted(name, sensor, plan)}
     recorder = Recorder(out, mcap=False, tlog=False, tick_ns=bench.config.tick_ns)
-    slots = SensorSlots(bench, wanted, plan, None, recorder, out).slots
+    frames = make_frames(bench) if needs_frames(bench.config) else None
+    slots = SensorSlots(bench, wanted, plan, frames, recorder, out).slots
 
     def due(slot: Any) -> Callable[[Any], Any]:
         numbers = iter(range(1 << 30))

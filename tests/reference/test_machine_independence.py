@@ -218,6 +218,30 @@ assert truth.p_WB[2] > 0.4, truth
 print(digest.hexdigest())
 """
 
+# Receivers that see the sky past houses, with reflections, a jammer and a spoofer.
+SKY = """
+import hashlib
+from sim.sensors.faults import FAULT_LIST, FaultySensor
+from tests.worlds.street_canyon import at, canyon, receiver_in
+
+FAULTS = FAULT_LIST.validate_python([
+    {"kind": "jammer", "sensor": "gps", "at_s": 4.0, "until_s": 5.0, "place_m": (30.0, 5.0, 2.0), "power_dbm": 5.0},
+    {"kind": "spoofer", "sensor": "gps", "at_s": 7.0, "until_s": 8.0, "place_m": (0.0, 90.0, 9.0), "power_dbm": 0.0,
+     "offset_m": (5.0, 0.0, 0.0)},
+])
+digest = hashlib.sha256()
+for preset in ("m8n", "f9p"):
+    gps = receiver_in(canyon(), preset=preset, antenna_m=(0.1, 0.0, 0.05))
+    faulty, reflected = FaultySensor(gps, FAULTS), 0
+    for k in range(50):
+        q_WB = (0.9689124217106447, 0.0, 0.24740395925452294, 0.0)
+        truth = at((0.3, -30.0 + 1.1 * k, 1.5 + 0.6 * k), 0.2 * k, v_WB_W=(0.0, 5.5, 3.0), q_WB=q_WB)
+        digest.update(repr((faulty.sample(truth, k), gps.sky_fix, gps.receiver.views)).encode())
+        reflected += gps.sky_fix.reflected
+    assert reflected > 0 or preset == "f9p"
+print(digest.hexdigest())
+"""
+
 # Frames of few and many echoes by every method, in single and double precision, and their processing.
 ECHOES = """
 import hashlib, itertools
@@ -280,7 +304,7 @@ EVERY_SENSOR = SENSORS.replace("- LEFT_OUT", "")
 
 GROUPS = [
     {"flight": FLIGHT, "group": GROUP, "moves": MOVES, "server": SERVER},
-    {"sensors": SENSORS, "echoes": ECHOES},
+    {"sensors": SENSORS, "echoes": ECHOES, "sky": SKY},
     pytest.param({"every sensor": EVERY_SENSOR, "every echo": EVERY_ECHO}, marks=pytest.mark.slow),
 ]
 

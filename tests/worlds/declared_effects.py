@@ -37,7 +37,8 @@ LOADED = {
 # Sensors by kind: those of autopilots under the names that examples use. A kind without an entry fails the tests.
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "imu": ("imu", {"preset": "icm20689"}),
-    "gps": ("gps", {"preset": "here_plus", "rate_hz": 10}),
+    # With a sky, for faults by transmitters; right after such a fault the samples are those of a sound receiver.
+    "gps": ("gps", {"preset": "here_plus", "rate_hz": 10, "reacquisition_s": 0.0, "rtk_start_s": 0.0, "sky": {}}),
     "barometer": ("baro", {"preset": "ms5611", "rate_hz": 50}),
     "magnetometer": ("mag", {"preset": "ist8310", "rate_hz": 50}),
     "range_finder": ("range", {"preset": "lidar_lite_v3", "rate_hz": 50}),
@@ -100,9 +101,13 @@ class SensorCell(NamedTuple):
         if self.field is not None:
             entry["field"] = self.field
         if self.fault != "stuck_bit":
-            more = {"offset": {"value": 1.0}, "drift": {"rate_per_s": 1.0}, "blocked": {"leak": 1.0}}.get(
-                self.fault, {}
-            )
+            more = {
+                "offset": {"value": 1.0},
+                "drift": {"rate_per_s": 1.0},
+                "blocked": {"leak": 1.0},
+                "jammer": {"place_m": [50.0, 0.0, 2.0], "power_dbm": 40.0},
+                "spoofer": {"place_m": [50.0, 0.0, 2.0], "power_dbm": 0.0, "offset_m": [20.0, 0.0, 0.0]},
+            }.get(self.fault, {})
             return [entry | more]
         return [entry | {"bit": bit, "level": bit % 2} for bit in (3, 4, 5, 6)]
 
@@ -224,7 +229,7 @@ def _sensor_cell(rig: str, kind: str, field: str) -> str:
     taken |= {cell.fault for cell in able if cell.field is None}
     able_to_have = {cell.fault for cell in sensor_cells((kind,))}
     missing = [fault for fault in SENSOR_FAULTS if fault not in taken and fault in able_to_have]
-    order = ("dropout", "freeze", "offset", "drift", "stuck_bit", "blocked")
+    order = ("dropout", "freeze", "offset", "drift", "stuck_bit", "blocked", "jammer", "spoofer")
     if not missing:
         return "all"
     if len(missing) == 1:

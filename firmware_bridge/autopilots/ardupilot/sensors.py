@@ -92,5 +92,7 @@ EXTERNAL_AHRS: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps", "temperature_degc")),
     "magnetometer": Samples(("field_tesla",), whole=("freeze",)),
     "barometer": Samples(("pressure_pa",), whole=("freeze",)),
-    "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+    "gps": Samples(
+        ("altitude_m", "latitude_deg", "longitude_deg", "v_W"), whole=("dropout", "freeze", "jammer", "spoofer")
+    ),
 }

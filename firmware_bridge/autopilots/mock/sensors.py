@@ -11,7 +11,9 @@ SENSORS: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps")),
     "magnetometer": Samples(("field_tesla",)),
     "barometer": Samples(("pressure_pa",)),
-    "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+    "gps": Samples(
+        ("altitude_m", "latitude_deg", "longitude_deg", "v_W"), whole=("dropout", "freeze", "jammer", "spoofer")
+    ),
     "pitot": Samples(("differential_pressure_pa",), whole=("dropout", "freeze", "blocked")),
 }
 

@@ -12,7 +12,9 @@ SENSORS: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps")),
     "magnetometer": Samples(("field_tesla",)),
     "barometer": Samples(("pressure_pa", "temperature_degc"), replaced={"temperature_degc": "pitot"}),
-    "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+    "gps": Samples(
+        ("altitude_m", "latitude_deg", "longitude_deg", "v_W"), whole=("dropout", "freeze", "jammer", "spoofer")
+    ),
     "range_finder": Samples(("distance_m",)),
     "optical_flow": Samples(("flow_rad", "gyro_rad", "distance_m")),
     "external_vision": Samples(("p_OB", "v_OB_B")),

@@ -21,7 +21,7 @@ from signals.documents.validate import at, shown
 from signals.errors import Problem
 from sim.frame.mount import Mount
 from sim.sensors.catalog import KINDS
-from sim.sensors.faults import acted_field, fault_problems
+from sim.sensors.faults import TRANSMITTERS, acted_field, fault_problems
 
 _NO_MAVLINK = "none"
 
@@ -84,6 +84,9 @@ def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
     field = acted_field(fault, KINDS[sensor.kind].sample_type)
     if field is not None and field in getattr(sensor.parameters, "unmeasured", ()):
         return "field", f"is {field!r}, which {fault.sensor!r} does not measure", "take another sensor or field"
+    if fault.kind in TRANSMITTERS and sensor.parameters.sky is None:
+        message = f"is {fault.kind!r}, and {fault.sensor!r} does not see the scene: its sky is open whatever is there"
+        return "kind", message, f"give {fault.sensor!r} a `sky`"
     if not sensor.autopilot:
         return None  # it is for companions and the recording
     autopilot, intake = config.autopilot, intake_of(config, fault.sensor)

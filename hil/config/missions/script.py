@@ -26,7 +26,16 @@ from signals.time import NS_PER_S
 from sim.physics.faults import RotorFault
 from sim.physics.surface_faults import SurfaceFault, VehicleFault
 from sim.scene.wind import GustEvent
-from sim.sensors.faults import Blocked, DriftAway, Dropout, Freeze, Offset, StuckBit
+from sim.sensors.faults import (
+    Blocked,
+    DriftAway,
+    Dropout,
+    Freeze,
+    Jammer,
+    Offset,
+    SpoofedPlace,
+    StuckBit,
+)
 
 _ARM_DISARM = 400  # MAV_CMD_COMPONENT_ARM_DISARM
 _DAY_S = 86_400.0
@@ -39,10 +48,12 @@ SENSOR_FAULTS = {
     "drift": DriftAway,
     "stuck_bit": StuckBit,
     "blocked": Blocked,
+    "jammer": Jammer,
+    "spoofer": SpoofedPlace,
 }
 AUTOPILOT_FAULTS = ("die", "stall", "wrong_time", "garbage", "noise")
 
-SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked
+SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked | Jammer | SpoofedPlace
 Injected = VehicleFault | GustEvent | SensorFault
 """A disturbance that an action can begin during the flight."""
 

@@ -38,7 +38,8 @@ def find_preset(value: Any, settings: Settings, place: Place, problems: list[Pro
     return PRESETS[value]
 
 
-def _read(name: str, settings: Settings, place: Place, problems: list[Problem]) -> Preset | None:
+def named_file(name: str, settings: Settings, place: Place, problems: list[Problem]) -> Path | None:
+    """Return the file that a setting names, relative to the file of the setting; None, with a problem, without one."""
     origin = settings.where(place)
     folder = Path()
     if not origin.startswith(COMMAND_LINE):
@@ -52,6 +53,13 @@ def _read(name: str, settings: Settings, place: Place, problems: list[Problem]) 
     if not exists:
         hint = f"looked in {shown_path(folder.resolve())}"
         problems.append(at(settings, place, f"names a file that does not exist: {name}", hint))
+        return None
+    return path
+
+
+def _read(name: str, settings: Settings, place: Place, problems: list[Problem]) -> Preset | None:
+    path = named_file(name, settings, place, problems)
+    if path is None:
         return None
     try:
         return load_preset(Path(shown_path(path)))

@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, create_model
 from firmware_bridge.autopilots.catalog import SENSOR_KINDS
 from hil.config.layers import DEFAULTS, Settings
 from hil.config.schema import BenchConfig, SensorConfig
+from hil.config.sensors.almanac import with_almanac
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
 from hil.config.sensors.radar_checks import frame_problems, rate_problems
 from signals.documents.document import Place
@@ -19,6 +20,7 @@ from signals.errors import Problem
 from signals.time import period_ns_from_hz
 from sim.frame.quality import QUALITIES, with_quality
 from sim.sensors.catalog import KINDS, Preset
+from sim.sensors.gps import GpsParameters
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS
 from sim.sensors.radar_parameters import VIEW_KEYS, RadarParameters
@@ -126,6 +128,8 @@ def _resolve(
         problems += overlaps
         if overlaps:
             return None, None, kind
+    if isinstance(parameters, GpsParameters):
+        parameters = with_almanac(parameters, settings, place, problems)
     preset_name: str | None = entry.get("preset")
     if preset_name is not None and is_preset_path(preset_name):
         preset_name = None  # a user's file may change later; its values are in the parameters

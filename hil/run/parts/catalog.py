@@ -32,6 +32,10 @@ def _script_params(bench: Bench) -> bool:
     return bench.script is not None and not known and bool(bench.script.required_params)
 
 
+def _sees_sky(bench: Bench) -> bool:
+    return any(getattr(sensor.parameters, "sky", None) is not None for sensor in bench.config.sensors.values())
+
+
 def _always(bench: Bench) -> bool:  # noqa: ARG001
     return True
 
@@ -41,6 +45,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("links.intake", _always),  # before the sensors: it refuses faults that the autopilot would not notice
     ("simulated.sensors", _always),
     ("simulated.vibration", lambda bench: bench.config.vibration != "off"),
+    ("simulated.gnss", _sees_sky),
     ("links.faults", _always),
     ("simulated.unmet_faults", _has_faults),
 )

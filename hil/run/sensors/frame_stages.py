@@ -87,7 +87,7 @@ def is_wanted(name: str, sensor: SensorConfig, plan: StagePlan) -> bool:
 def needs_frames(config: BenchConfig, plan: StagePlan | None = None) -> bool:
     """Return True if a sensor needs the world's geometry. With a plan, only sensors in the plan count."""
     return any(
-        KINDS[sensor.kind].needs_frames and (plan is None or is_wanted(name, sensor, plan))
+        KINDS[sensor.kind].needs_geometry(sensor.parameters) and (plan is None or is_wanted(name, sensor, plan))
         for name, sensor in config.sensors.items()
     )
 

@@ -20,6 +20,7 @@ from signals.time import RateAccumulator
 from sim.frame.source import FrameSource
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
+from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.radar import Radar
 
@@ -45,6 +46,7 @@ class SensorSlots:
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
         self.imus: dict[str, Imu] = {}
+        self.receivers: dict[str, Gps] = {}  # that see the sky
         self.descriptions: dict[str, FrameDescription] = {}  # of sensors with a mount
         self.deviations: dict[str, Mapping[str, float]] = {}  # of the noise of a sample, by sensor and field
         self._without_faults: dict[str, Any] = {}  # by name
@@ -61,6 +63,8 @@ class SensorSlots:
                 self.radars[name] = sensor
             if isinstance(sensor, Imu):
                 self.imus[name] = sensor
+            if isinstance(sensor, Gps) and sensor.receiver is not None:
+                self.receivers[name] = sensor
             if hasattr(sensor, "mount"):
                 self.descriptions[name] = description(name, sensor)
                 recorder.describe(name, self.descriptions[name])

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 
 # Each imports what is before it.
-FLOORS = ("scene", "frame", "randomize", "world_loader", "physics", "radar", "sensors")
+FLOORS = ("scene", "frame", "randomize", "world_loader", "physics", "radar", "gnss", "sensors")
 
 
 def modules(package: str) -> dict[str, Path]:

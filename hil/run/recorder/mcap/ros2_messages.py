@@ -147,6 +147,11 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nfloat64 horizontal_accuracy_m\nfloat64 vertical_accuracy_m\n"
         "uint8 fix_type\nuint8 satellites"
     ),
+    "hil_msgs/GnssSky": (
+        "std_msgs/Header header\nfloat64 hdop\nfloat64 vdop\nfloat64 pdop\nuint8 in_view\nuint8 visible\n"
+        "uint8 used\nuint8 reflected\nfloat64 mean_cn0_dbhz\nfloat64 jamming_db\nbool spoofed\n"
+        "geometry_msgs/Vector3 shift"
+    ),
     "hil_msgs/Range": (
         "std_msgs/Header header\nfloat64 distance_m\nfloat64 min_distance_m\nfloat64 max_distance_m\n"
         "float64 sigma_m\nuint8 quality\ngeometry_msgs/Vector3 axis"

@@ -30,6 +30,7 @@ from signals.samples import (
     OdometrySample,
     RangeSample,
     ScalarSample,
+    SkySample,
     TruthState,
     VaneSample,
 )
@@ -233,6 +234,14 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             "hil_msgs/GpsQuality",
             BODY,
             {name: name for name in ("horizontal_accuracy_m", "vertical_accuracy_m", "fix_type", "satellites")},
+        ),
+    ),
+    SkySample: (
+        Topic(
+            "",
+            "hil_msgs/GnssSky",
+            BODY,
+            {"shift": "shift_W_m"} | {name: name for name in SkySample._fields[3:-1]},
         ),
     ),
     RangeSample: (

@@ -23,7 +23,13 @@ def test_every_kind_of_autopilot_has_a_table_of_sensors_and_fields_that_exist() 
             assert kind in SENSOR_KINDS
             fields = FAULT_FIELDS[KINDS[kind].sample_type]
             assert set(intake.fields if isinstance(intake, Samples) else intake.offset) <= set(fields)
-            assert isinstance(intake, Simulated) or set(intake.whole) <= {"dropout", "freeze", "blocked"}
+            assert isinstance(intake, Simulated) or set(intake.whole) <= {
+                "dropout",
+                "freeze",
+                "blocked",
+                "jammer",
+                "spoofer",
+            }
 
 
 def test_parameters_of_a_fault_fit_mavlink_and_belong_to_one_kind_of_change() -> None:

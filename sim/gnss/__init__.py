@@ -1,0 +1,1 @@
+"""Satellite navigation in a scene: the satellites that an antenna sees, their signals, and the fix from them."""

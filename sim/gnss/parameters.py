@@ -1,0 +1,58 @@
+"""Parameters of a GNSS receiver that sees the sky: what the part is like, and what a bench declares."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from signals.documents.validate import StrictModel
+from sim.gnss.orbit import Orbit
+from sim.gnss.systems import SystemName
+from sim.scene.light import time_of
+
+Seconds = Annotated[float, Field(ge=0.0, le=1e5)]
+Level = Annotated[float, Field(ge=0.0, le=60.0)]  # dB-Hz
+
+
+class ReceiverParameters(StrictModel):
+    """Figures of a receiver that count with `sky` only; the defaults are typical of a small one."""
+
+    systems: Annotated[tuple[SystemName, ...], Field(min_length=1)] = ("gps", "galileo", "glonass")
+    zenith_cn0_dbhz: Level = 48.0  # of a satellite at the antenna's zenith, in the open
+    tracking_dbhz: Level = 22.0  # a signal below is lost
+    acquisition_dbhz: Level = 28.0  # a signal is found from here on
+    correlator_spacing_chips: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1  # early to late
+    cold_start_s: Seconds = 26.0  # nothing known
+    warm_start_s: Seconds = 25.0  # almanac, time and place known, no ephemeris
+    hot_start_s: Seconds = 1.0  # ephemeris known; also after a long loss
+    reacquisition_s: Seconds = 1.0  # of one satellite after a short loss
+    standalone_error_m: Annotated[float, Field(ge=0.0, le=100.0)] = 1.3  # of each horizontal axis without corrections
+    rtk_float_error_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.3
+    rtk_start_s: Seconds = 10.0  # from conditions for a fixed solution to the solution
+
+
+class SkyParameters(StrictModel):
+    """Option `sky` of a `gps`: satellites on their orbits, seen past the scene."""
+
+    utc: str | None = None  # time at the start of the run; null: that of the scene's light, else 2026-01-01T12:00:00Z
+    almanac: str | None = None  # YUMA or SEM file of GPS, relative to the file that names it
+    orbits: tuple[Orbit, ...] = ()  # of GPS; what was read from the almanac
+    systems: Annotated[tuple[SystemName, ...], Field(min_length=1)] | None = None  # null: those of the receiver
+    gps_satellites: Literal[24, 32] = 32  # of the nominal constellation
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0  # turns the nominal constellations; 0: as published
+    elevation_mask_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 5.0
+    start: Literal["tracking", "hot", "warm", "cold"] = "tracking"  # tracking: it was on long before the run
+    reflections: bool = True
+    smallest_face_m2: Annotated[float, Field(ge=0.1, le=1e4)] = 4.0  # of the map's faces that reflect
+    foliage_db_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.3
+    smoothing_s: Annotated[float, Field(ge=0.0, le=1000.0)] = 2.0  # time constant of the receiver's filter of position
+    residual_limit_m: Annotated[float, Field(gt=0.0, le=1e4)] = 15.0  # a satellite beyond is left out of the fix
+    skip_clear_sky: bool = True  # cast no ray while nothing of the scene is above the mask
+
+    @field_validator("utc")
+    @classmethod
+    def _is_a_time(cls, utc: str | None) -> str | None:
+        if utc is not None:
+            time_of(utc)
+        return utc

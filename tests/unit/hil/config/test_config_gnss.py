@@ -1,0 +1,80 @@
+"""A GPS with `sky` in a bench file: its almanac, its faults, and what is refused with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from hil.config.saved import save_bench
+from signals.errors import ConfigError
+
+ALMANAC = """ID:                         05
+Health:                     000
+Eccentricity:               0.5000000000E-002
+Time of Applicability(s):  405504.0000
+Orbital Inclination(rad):   0.9424777961
+Rate of Right Ascen(r/s):  -0.7853981634E-008
+SQRT(A)  (m 1/2):           5153.600000
+Right Ascen at Week(rad):  -0.1570796327E+001
+Argument of Perigee(rad):   0.785398163
+Mean Anom(rad):             0.3141592654E+000
+Af0(s):                     0.1000000000E-003
+Af1(s/s):                   0.0000000000E+000
+week:                        320
+"""
+
+
+def written(folder: Path, sky: str, more: str = "") -> Path:
+    path = folder / "bench.yaml"
+    path.write_text(f"rig: mock\nmission: null\nsensors:\n  gps: {{preset: m8n, rate_hz: 5, sky: {sky}}}\n{more}")
+    (folder / "current.alm").write_text(ALMANAC)
+    return path
+
+
+def refused(folder: Path, sky: str, more: str = "") -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_bench(written(folder, sky, more))
+    return "\n".join(str(problem).replace(f"{folder}/", "") for problem in caught.value.problems)
+
+
+def test_the_almanac_is_found_beside_the_bench_and_kept_in_its_settings(tmp_path: Path) -> None:
+    bench = load_bench(written(tmp_path, "{almanac: current.alm}"))
+    sky = bench.config.sensors["gps"].parameters.sky
+    assert sky.almanac is None
+    assert [orbit.name for orbit in sky.orbits] == ["G05"]
+    (tmp_path / "current.alm").unlink()
+    saved = load_bench(save_bench(bench, tmp_path / "saved"))
+    assert saved.config.sensors["gps"].parameters == bench.config.sensors["gps"].parameters
+
+
+def test_without_the_key_there_is_no_sky(tmp_path: Path) -> None:
+    assert load_bench(written(tmp_path, "null")).config.sensors["gps"].parameters.sky is None
+
+
+def test_what_is_wrong_is_named_with_its_line(tmp_path: Path) -> None:
+    assert "bench.yaml:4: sensors.gps.sky.almanac names a file that does not exist: no.alm" in refused(
+        tmp_path, "{almanac: no.alm}"
+    )
+    assert "bench.yaml:4: sensors.gps.sky.utc" in refused(tmp_path, "{utc: yesterday}")
+    assert "elevation_mask_deg" in refused(tmp_path, "{elevation_mask_deg: 80}")
+    assert "systems" in refused(tmp_path, "{systems: [navstar]}")
+    assert "unknown" in refused(tmp_path, "{sattelites: 3}")
+    assert "which systems leaves out" in refused(tmp_path, "{almanac: current.alm, systems: [galileo]}")
+    bad = written(tmp_path, "{almanac: current.alm}")
+    (tmp_path / "current.alm").write_text(ALMANAC.replace("5153.6", "fast"))
+    with pytest.raises(ConfigError) as caught:
+        load_bench(bad)
+    assert any(problem.where.endswith("current.alm:7") for problem in caught.value.problems)
+
+
+@pytest.mark.parametrize("kind", ["jammer", "spoofer"])
+def test_transmitters_need_a_sky(tmp_path: Path, kind: str) -> None:
+    fault = f"{{kind: {kind}, sensor: gps, at_s: 1, place_m: [0, 0, 2], power_dbm: 10}}"
+    faults = f"faults:\n  sensors:\n    - {fault}\n"
+    load_bench(written(tmp_path, "{}", faults))
+    said = refused(tmp_path, "null", faults)
+    assert f"bench.yaml:7: faults.sensors[0].kind is '{kind}', and 'gps' does not see the scene" in said
+    assert "power_dbm" in refused(tmp_path, "{}", faults.replace("power_dbm: 10", "power_dbm: 1000"))
+    assert "only a gps hears transmitters" in refused(tmp_path, "{}", faults.replace("sensor: gps", "sensor: baro"))
