@@ -18,7 +18,7 @@ from sim.scene.imports.contact_pieces import flat_parts
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import Tags
 from sim.scene.imports.roofs import Roof, make_roof
-from sim.scene.imports.shapes import parts, rings, rounded, shapely, triangles
+from sim.scene.imports.shapes import coordinates, parts, rings, rounded, shapely, triangles
 from sim.scene.maps import textures
 from sim.scene.maps.facade_layout import BAYS, STOREY_M, STOREYS, WHITE_WALL_RGB
 from sim.scene.maps.map_builder import Body, MapBuilder
@@ -265,7 +265,7 @@ def _rectangle(polygon: Any) -> Float64:
     box = shapely.minimum_rotated_rectangle(polygon)
     if box.geom_type != "Polygon":
         box = polygon.envelope
-    return np.asarray(box.exterior.coords)[:4, :2]
+    return coordinates(box.exterior)[:4]
 
 
 def _direction(text: str | None, rectangle: Float64) -> Float64:

@@ -26,7 +26,7 @@ from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import OsmData, Tags
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
-from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
+from sim.scene.imports.shapes import coordinates, need_shapely, parts, rounded, shapely, triangles, union
 from sim.scene.maps import textures
 from sim.scene.maps.imported.grounds import GROUNDS
 from sim.scene.maps.imported.imported_map import ImportedMap
@@ -430,7 +430,7 @@ class _District:
         for footprint in footprints:
             house = osm_tags.is_house(footprint.tags, footprint.polygon.area)
             middle = footprint.polygon.centroid
-            corners = np.asarray(footprint.polygon.exterior.coords)[:, :2]
+            corners = coordinates(footprint.polygon.exterior)
             ground = self._heights(corners)
             lowest, highest = float(ground.min()), float(ground.max())
             kind = self._class(footprint.tags, "house" if house else "building")
@@ -611,7 +611,7 @@ def _dashes(path: Any, dash_m: float, gap_m: float, half_m: float) -> list[list[
 
 def _segments(piece: Any, step_m: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """Return the segments of a line, cut to at most `step_m`."""
-    points = [(float(x), float(y)) for x, y in np.asarray(piece.coords)[:, :2]]
+    points = [(x, y) for x, y in coordinates(piece).tolist()]
     found = []
     for (ax, ay), (bx, by) in pairwise(points):
         count = max(1, ceil(sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)) / step_m))
