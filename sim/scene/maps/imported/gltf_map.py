@@ -28,6 +28,7 @@ from sim.scene.maps.imported.gltf_materials import Look, decoded, look_of, png_o
 from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.map_builder import Body, MapBuilder
 from sim.scene.scene_map import Surface
+from sim.scene.work_progress import progress
 
 Float64 = NDArray[np.float64]
 
@@ -99,7 +100,8 @@ class _MapMaker:
         if not placed:
             raise self._file.error("", "shows no mesh: its scene has no node with a mesh")
         self._budget = min(max(MAX_PIECES // len(placed), _MIN_MESH_PIECES), _MAX_MESH_PIECES)
-        for one in placed:
+        for number, one in enumerate(placed):
+            progress.tell("objects", number, len(placed))
             self._add(one)
         if not self._bodies:
             raise self._file.error("", "has no triangles to show")
