@@ -11,6 +11,7 @@ import re
 from sim.scene.imports.osm_file import Tags
 
 LEVEL_M = 3.0
+BRIDGE_M = 4.5  # under a building that bridges a street
 _NUMBER = re.compile(r"^\s*(-?\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|')?\s*(?:(\d+(?:\.\d+)?)\s*(?:\"|in|''))?\s*$")
 _MAX_HEIGHT_M = 900.0
 
@@ -213,7 +214,10 @@ def heights(tags: Tags, area_m2: float) -> tuple[float, float, float | None, boo
     base = length_m(tags.get("min_height"))
     if base is None:
         base = LEVEL_M * (number(tags.get("building:min_level")) or 0.0)
-    total = max(total, base + 0.5, 1.0)
+        if base == 0.0 and building_kind(tags) == "bridge":  # over a street
+            base = BRIDGE_M
+    least = LEVEL_M if building_kind(tags) == "bridge" else 0.5
+    total = max(total, base + least, 1.0)
     return base, total, roof, stated
 
 
