@@ -153,6 +153,8 @@ def _xml(file: BinaryIO, source: str, size: int, budget: Budget) -> OsmData:
     fed = 0
     try:
         while chunk := file.read(_CHUNK_BYTES):
+            if not fed and chunk.startswith((b"\x1f\x8b", b"BZh")):
+                raise ConfigError([Problem(source, "is compressed", "unpack it: gunzip or bunzip2")])
             if not fed and not chunk.strip():
                 raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
             parser.Parse(chunk, False)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_atan2
 from signals.errors import ConfigError, Problem
-from signals.geodesy import Site
+from signals.geodesy import LocalFrame, Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from signals.units import RAD_PER_DEG
@@ -101,17 +101,25 @@ def map_of_osm(
     need_shapely(data.source)
     shapes = shapes_of(data, site, options.radius_m)
     if not shapes.areas and not shapes.lines and not shapes.spots:
-        latitude, longitude = data.middle()
-        message = f"has nothing within {options.radius_m:g} m of the site"
-        hint = f"its middle is at latitude_deg: {latitude:.6f}, longitude_deg: {longitude:.6f}"
-        raise ConfigError([Problem(data.source, message, hint)])
+        raise ConfigError([_nothing_shown(data, site, options.radius_m)])
     return _District(data.source, shapes, options, terrain, budget or Budget(data.source)).make()
+
+
+def _nothing_shown(data: OsmData, site: Site, radius_m: float) -> Problem:
+    """Return the problem of an extract without anything round the site, or without anything at all."""
+    latitude, longitude = data.middle()
+    x, y, _ = LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m)
+    if max(abs(x), abs(y)) < radius_m:
+        message = "holds nothing that a map shows: no building, way or area with its tags and nodes"
+        return Problem(data.source, message, "export the district again, whole: osmium extract --bbox W,S,E,N")
+    message = f"has nothing within {radius_m:g} m of the site"
+    return Problem(
+        data.source, message, f"its middle is at latitude_deg: {latitude:.6f}, longitude_deg: {longitude:.6f}"
+    )
 
 
 def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
     """Return latitude and longitude of free ground close to the middle of an extract. Raises ConfigError."""
-    from signals.geodesy import LocalFrame
-
     need_shapely(data.source)
     latitude, longitude = data.middle()
     site = _Place(latitude, longitude)

@@ -237,6 +237,11 @@ BAD = {
     "off the earth": ('<osm><node id="1" lat="95" lon="2"/></osm>', "node 1 is not on Earth"),
     "nan": ('<osm><node id="1" lat="nan" lon="2"/></osm>', "node 1 is not on Earth"),
     "no id": ('<osm><node lat="1" lon="2"/></osm>', "an element has no attribute 'id'"),
+    "nothing": (
+        '<osm><node id="1" lat="1" lon="2"/><node id="2" lat="1" lon="2.001"/><way id="3"><nd ref="1"/></way></osm>',
+        "holds nothing that a map shows: no building, way or area with its tags and nodes",
+    ),
+    "compressed": (b"\x1f\x8b\x08\x00\x00\x00", "is compressed (unpack it: gunzip or bunzip2)"),
     "binary": (b"\x00\x01\x02\x03", "is not valid XML"),
 }  # fmt: skip
 
