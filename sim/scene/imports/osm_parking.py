@@ -78,7 +78,7 @@ _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 
 def street_places(line: Line, junctions: Any) -> Iterator[ParkingPlace]:
-    """Yield the places along both sides of a street; `junctions`: prepared points that are kept free."""
+    """Yield the places along both sides of a street; `junctions`: a tree of points that are kept free."""
     highway = line.tags.get("highway", "")
     if highway not in osm_tags.ROADS or line.tags.get("bridge", "no") != "no":
         return
@@ -102,7 +102,7 @@ def street_places(line: Line, junctions: Any) -> Iterator[ParkingPlace]:
             for k in range(int(length / step)):
                 at = (k + 0.5) * step
                 x, y = ax + at * dx / length, ay + at * dy / length
-                if junctions is not None and junctions.distance(shapely.Point(x, y)) < _JUNCTION_M:
+                if len(junctions.query(shapely.Point(x, y), predicate="dwithin", distance=_JUNCTION_M)):
                     continue
                 heading = det_atan2(-sign * dy, -sign * dx) - sign * turn  # right-hand traffic
                 yield ParkingPlace(x - sign * out * dy / length, y + sign * out * dx / length, heading, share, line.key)

@@ -228,3 +228,11 @@ def width_m(tags: Tags, default: float) -> float:
         return stated
     lanes = number(tags.get("lanes"))
     return min(max(LANE_M * lanes, 2.5), 40.0) if lanes else default
+
+
+def is_underground(tags: Tags) -> bool:
+    """Return True for what is not seen from above: tunnels, and things of a layer below 0."""
+    level = tags.get("layer", "0")
+    return tags.get("tunnel", "no") not in ("no",) or tags.get("location") == "underground" or (
+        level.startswith("-") and "waterway" not in tags and tags.get("natural") != "water"
+    )  # fmt: skip

@@ -17,6 +17,7 @@ from sim.scene.imports import osm_tags
 from sim.scene.imports.osm_file import Tags
 from sim.scene.imports.osm_road_details import is_railway, pieces
 from sim.scene.imports.osm_shapes import Line
+from sim.scene.imports.osm_streets import width_m
 from sim.scene.imports.shapes import shapely
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 
@@ -28,20 +29,10 @@ _VALLEY_M = 4.0  # ground this far below both ends needs no more height
 _DECK_M, _RAILING_M, _RAILING_HALF_M = 0.8, 1.1, 0.05
 _SPAN_M = 22.0  # between piers
 _PIER_HALF_M = 0.45
-_TRACK_M = 4.0
 
 
 def is_bridge(tags: Tags) -> bool:
     return tags.get("bridge", "no") != "no"
-
-
-def width_m(line: Line) -> float:
-    highway = line.tags.get("highway", "")
-    if highway in osm_tags.ROADS:
-        return osm_tags.width_m(line.tags, osm_tags.ROADS[highway][0])
-    if highway in osm_tags.PATHS:
-        return osm_tags.width_m(line.tags, osm_tags.PATHS[highway][0])
-    return _TRACK_M
 
 
 def is_deck(line: Line) -> bool:

@@ -23,7 +23,7 @@ from signals.samples import Quat, Vec3
 from signals.units import RAD_PER_DEG
 from sim.scene import surfaces
 from sim.scene.budget import Budget
-from sim.scene.imports import osm_road_details, osm_tags
+from sim.scene.imports import osm_road_details, osm_streets, osm_tags
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.msh import msh
@@ -185,7 +185,7 @@ class _District:
         self._half_m = options.radius_m
         self._objects = options.objects
         self._occupied: Occupancy | None = None  # with objects
-        self._decks = [line for line in shapes.lines if is_deck(line) and not _underground(line.tags)]
+        self._decks = [line for line in shapes.lines if is_deck(line) and not osm_tags.is_underground(line.tags)]
         self._walks: list[Walk] = []
         self._deck_keys = {line.key for line in self._decks}
 
@@ -264,7 +264,7 @@ class _District:
         areas: dict[tuple[int, str, str], list[Any]] = {}
         for area in self._shapes.areas:
             for level, (key, values, kind, material) in enumerate(osm_tags.AREAS):
-                if kind and area.tags.get(key) in values and not _underground(area.tags):
+                if kind and area.tags.get(key) in values and not osm_tags.is_underground(area.tags):
                     areas.setdefault((level, self._class(area.tags, kind), material), []).append(area.polygon)
             kind, material = _way_area(area.tags)
             if kind:
@@ -290,7 +290,7 @@ class _District:
         found: dict[tuple[int, str, str], list[Any]] = {}
         for line in self._shapes.lines:
             tags = line.tags
-            if _underground(tags) or (line.closed and tags.get("area") == "yes"):
+            if osm_tags.is_underground(tags) or (line.closed and tags.get("area") == "yes"):
                 continue
             if line.key in self._deck_keys:
                 continue
@@ -328,7 +328,7 @@ class _District:
             line
             for line in self._shapes.lines
             if line.tags.get("highway") in osm_tags.ROADS
-            and not _underground(line.tags)
+            and not osm_tags.is_underground(line.tags)
             and line.key not in self._deck_keys
         ]
         for line in roads:
@@ -370,7 +370,8 @@ class _District:
     def _bridges(self) -> None:
         box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         ends = bridge_ends(self._decks)
-        maker = BridgeMaker(self._builder, [shape for _, shape in self._carriageways()], box, self._builder.z)
+        ways = osm_streets.carriageways(self._shapes, self._deck_keys)
+        maker = BridgeMaker(self._builder, [shape for _, shape in ways], box, self._builder.z)
         for line in self._decks:
             highway, surface = line.tags.get("highway", ""), line.tags.get("surface", "")
             default = (osm_tags.PATHS | osm_tags.ROADS).get(highway, (0.0, "gravel"))[1]
@@ -380,34 +381,9 @@ class _District:
             maker.add(line, self._class(line.tags, kind), material, open_ends=(first, last))
             self._notes["bridges are decks in the air, without their ramps"] += 1
 
-    def _carriageways(self) -> list[tuple[str, Any]]:
-        """Return key and polygon of each road and railway on the ground."""
-        found = []
-        for line in self._shapes.lines:
-            is_way = line.tags.get("highway") in osm_tags.ROADS or osm_road_details.is_railway(line)
-            if is_way and line.key not in self._deck_keys and not _underground(line.tags):
-                half = 0.5 * width_m(line) - 0.1
-                found.append((line.key, shapely.LineString(line.points).buffer(half, cap_style="flat")))
-        return found
-
     def _blocked(self, buildings: list[Footprint]) -> list[Any]:
         """Return the ground on which no object may be placed."""
-        found = [b.polygon.buffer(0.4) for b in buildings]
-        for area in self._shapes.areas:
-            if any(area.tags.get(key) in values for key, values, kind, _ in osm_tags.AREAS if kind == "water"):
-                found.append(area.polygon)
-        for line in self._shapes.lines:
-            known = osm_tags.BARRIERS.get(line.tags.get("barrier", ""))
-            waterway = osm_tags.WATERWAYS_M.get(line.tags.get("waterway", ""))
-            if known is not None:
-                thick = min(osm_tags.length_m(line.tags.get("width")) or known[1], 3.0)
-                found.append(shapely.LineString(line.points).buffer(0.5 * thick + 0.3))
-            elif waterway is not None and not _underground(line.tags):
-                found.append(shapely.LineString(line.points).buffer(0.5 * osm_tags.width_m(line.tags, waterway)))
-            elif osm_road_details.is_railway(line) and not _underground(line.tags):
-                found.append(shapely.LineString(line.points).buffer(1.8))
-            if line.key in self._deck_keys:
-                found.append(shapely.LineString(line.points).buffer(0.5 * width_m(line) + 0.3))
+        found = [b.polygon.buffer(0.4) for b in buildings] + osm_streets.barred(self._shapes, self._deck_keys)
         for spot in self._shapes.spots:
             if _stands(spot.tags) and spot.tags.get("natural") != "tree":
                 radius = next((r for (k, v), (_, _, r) in _SMALL_NODES.items() if spot.tags.get(k) == v), 0.6)
@@ -416,19 +392,8 @@ class _District:
 
     def _street_life(self, options: OsmObjects, occupied: Occupancy) -> None:
         """Add paint, rails, parked cars and people."""
-        uses: Counter[int] = Counter()
-        roads = [line for line in self._shapes.lines if line.tags.get("highway") in osm_tags.ROADS]
-        for line in roads:
-            uses.update(set(line.nodes))
-        crossed = {spot.node for spot in self._shapes.spots if spot.tags.get("highway") == "crossing"}
-        junctions = {
-            node: point
-            for line in roads
-            for node, point in zip(line.nodes, line.points, strict=True)
-            if uses[node] > 1 or node in crossed
-        }
-        points = shapely.MultiPoint(list(junctions.values())) if junctions else None
-        streets = Streets(self._shapes, self._carriageways(), points)
+        ways = osm_streets.carriageways(self._shapes, self._deck_keys)
+        streets = Streets(self._shapes, ways, osm_streets.junctions(self._shapes))
         placer = ObjectPlacer(
             self._builder, streets, options, occupied, terrain=self._terrain, half_m=self._half_m, lift_m=_LIFT_M
         )
@@ -449,7 +414,11 @@ class _District:
     def _rails(self) -> None:
         box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         for line in self._shapes.lines:
-            if not osm_road_details.is_railway(line) or line.key in self._deck_keys or _underground(line.tags):
+            if (
+                not osm_road_details.is_railway(line)
+                or line.key in self._deck_keys
+                or osm_tags.is_underground(line.tags)
+            ):
                 continue
             path = shapely.intersection(shapely.LineString(line.points), box)
             self._paint("path", osm_road_details.sleepers(path, line.tags), "osm_concrete")
@@ -532,7 +501,7 @@ class _District:
         for area in self._shapes.areas:
             if area.tags.get("building:part", "no") != "no" and "building" not in area.tags:
                 details.append(area)
-            elif area.tags.get("building", "no") != "no" and not _underground(area.tags):
+            elif area.tags.get("building", "no") != "no" and not osm_tags.is_underground(area.tags):
                 wholes.append(area)
         found = []
         tree = shapely.STRtree([d.polygon for d in details]) if details else None
@@ -598,7 +567,7 @@ class _District:
         box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         for line in self._shapes.lines:
             known = osm_tags.BARRIERS.get(line.tags.get("barrier", ""))
-            if known is None or _underground(line.tags):
+            if known is None or osm_tags.is_underground(line.tags):
                 continue
             height, thick, material, kind = known
             height = osm_tags.length_m(line.tags.get("height")) or height
@@ -721,13 +690,6 @@ class _District:
                 material = "osm_steel" if radius < 0.5 else "osm_concrete"
                 body.geom("cylinder", (radius, 0.5 * height), pos=(0.0, 0.0, 0.5 * height), material=material)
                 return
-
-
-def _underground(tags: Tags) -> bool:
-    level = tags.get("layer", "0")
-    return tags.get("tunnel", "no") not in ("no",) or tags.get("location") == "underground" or (
-        level.startswith("-") and "waterway" not in tags and tags.get("natural") != "water"
-    )  # fmt: skip
 
 
 def _way_area(tags: Tags) -> tuple[str, str]:

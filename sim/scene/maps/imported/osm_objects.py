@@ -41,11 +41,11 @@ _WALK_HALF_M = 0.5 * LANE_M + 0.55  # of the ground that a walk takes
 
 @dataclass(frozen=True)
 class Streets:
-    """What a district's cars and people keep to: roads with their widths, and the junctions of these."""
+    """Roads of a district with their widths, and the junctions of these: cars and people keep to them."""
 
     shapes: Shapes
     carriageways: list[tuple[str, Any]]  # key of the way, polygon
-    junctions: Any  # points; None: none
+    junctions: Any  # a tree of points
 
 
 class ObjectPlacer:

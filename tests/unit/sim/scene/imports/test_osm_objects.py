@@ -11,6 +11,7 @@ import pytest
 
 from sim.scene.imports.osm_parking import street_places
 from sim.scene.imports.osm_shapes import Line
+from sim.scene.imports.shapes import shapely
 from sim.scene.world import World
 from tests.unit.sim.scene.imports.test_osm_map import extent, geoms_of, square, world_of
 from tests.worlds.example_places import _Extract
@@ -154,7 +155,7 @@ def test_no_street_moves_the_cars_of_another(tmp_path: Path) -> None:
 def test_where_cars_park_along_a_street(tags: dict[str, str], sides: set[float], offset_m: float) -> None:
     """A street to the east, so that its left is north: half the width, less or more the half of a car."""
     line = Line("w1", tags, ((0.0, 0.0), (60.0, 0.0)), (1, 2), closed=False)
-    places = list(street_places(line, None))
+    places = list(street_places(line, shapely.STRtree([])))
     assert {round(place.y, 6) for place in places} == sides
     if tags.get("parking:lane:right") == "perpendicular":
         assert np.cos([p.heading_rad for p in places]) == pytest.approx(0.0, abs=1e-6)
