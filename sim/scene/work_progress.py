@@ -26,7 +26,7 @@ class State(NamedTuple):
 
 
 class WorkProgress:
-    """Report of what this process works on. `display`: begins a display with a title, and returns what shows a state in it."""
+    """Report of the work of this process. `display`: begins a display with a title, and returns what shows a state."""
 
     def __init__(self) -> None:
         self.display: Callable[[str], AbstractContextManager[Callable[[State], None]]] | None = None
