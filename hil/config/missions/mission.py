@@ -222,13 +222,7 @@ def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None, far:
                     f"{site.latitude_deg:.5f}, {site.longitude_deg:.5f}; "
                     f"at most {MAX_DISTANCE_M / 1000:g} km are accepted"
                 )
-                far.append(
-                    Problem(
-                        raw.where(4),
-                        message,
-                        _OTHER_MISSION,
-                    )
-                )
+                far.append(Problem(raw.where(4), message, _OTHER_MISSION))
     if math.isnan(altitude):
         if raw.command not in LAND_COMMANDS:
             report(6, "has no altitude")

@@ -9,8 +9,8 @@ cover every triangle and reach at most `error_m` E beyond the surface:
    and the hull of the slab has at most (E/2)^2 more area than its triangles, so that no gap of a radius above 0.4 E is
    closed. A slab reaches E/2 behind the surface.
 3. What stays in more than `max_pieces` slabs is covered, the smallest slabs first, by boxes of a grid with cells of
-   E / sqrt(3), joined along the axes. If these are too many as well, E is doubled. Up to 4 `max_pieces` slabs stay if
-   they are so wide that a grid of 4 E needs too many boxes as well: the walls of a city.
+   E / sqrt(3), joined along the axes. If these are too many as well, E is doubled. Up to `max_wide` slabs stay if they
+   are so wide that a grid of 4 E needs too many boxes as well: the walls of a city.
 
 Terrain (a surface that every vertical line meets once) becomes a height field instead. With slopes above 80 degrees, as
 in scans of houses from the air, E is then at least 2 cells of the field.
@@ -64,8 +64,14 @@ class Pieces:
         return len(self.hulls) + len(self.boxes)
 
 
-def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Float64) -> Pieces:
-    """Return pieces that cover the triangles `corners` (n, 3, 3), whose areas are not zero; `up`: the vertical."""
+def contact_pieces(
+    corners: Float64, *, error_m: float, max_pieces: int, up: Float64, max_wide: int | None = None
+) -> Pieces:
+    """Return pieces that cover the triangles `corners` (n, 3, 3), whose areas are not zero; `up`: the vertical.
+
+    `max_wide`: of wide slabs; None: 4 `max_pieces`.
+    """
+    max_wide = _WIDE_SHARE * max_pieces if max_wide is None else max_wide
     pieces = Pieces(error_m)
     rest = []
     parts = _parts(corners)
@@ -86,7 +92,8 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
         pieces.terrain, left, pieces.error_m = _terrain(rest, error_m)
         if not len(left):
             return pieces
-    slabs, boxes, E = _fitted(left, error_m, max(max_pieces - len(pieces.hulls), _LEAST_PIECES))
+    taken = len(pieces.hulls)
+    slabs, boxes, E = _fitted(left, error_m, max(max_pieces - taken, _LEAST_PIECES), max_wide - taken)
     pieces.error_m = max(pieces.error_m, E)
     for slab in slabs:
         box = _as_box(slab)
@@ -98,7 +105,9 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
     return pieces
 
 
-def _fitted(left: Float64, error_m: float, max_pieces: int) -> tuple[list[_Slab], list[tuple[Float64, Float64]], float]:
+def _fitted(
+    left: Float64, error_m: float, max_pieces: int, max_wide: int
+) -> tuple[list[_Slab], list[tuple[Float64, Float64]], float]:
     """Return slabs and boxes of a grid that cover triangles, and E: the least that needs no more than `max_pieces`.
 
     The work of each step is bounded by the number of triangles and of pieces, not by the size of the surface.
@@ -115,7 +124,7 @@ def _fitted(left: Float64, error_m: float, max_pieces: int) -> tuple[list[_Slab]
         kept = len(slabs) if len(slabs) <= max_pieces else max_pieces // 2
         small = np.concatenate([left[merged][[i for rest in members[kept:] for i in rest]], left[~merged]])
         is_wide = _expected_boxes(small, _WIDE_E * error_m) > 2.0 * max_pieces
-        if step == 0 and is_wide and merged.all() and len(slabs) <= _WIDE_SHARE * max_pieces:
+        if step == 0 and is_wide and merged.all() and len(slabs) <= max_wide:
             return slabs, [], E
         if _expected_boxes(small, E) > 2.0 * max_pieces:
             continue

@@ -33,6 +33,7 @@ from sim.scene.work_progress import progress
 Float64 = NDArray[np.float64]
 
 MAX_PIECES = 16_000  # solid pieces of a map
+MAX_WIDE = 64_000  # of these, if they are walls
 _MAX_MESH_PIECES, _MIN_MESH_PIECES = 8_000, 12
 MAX_EXTENT_M = 50_000.0
 MAX_ORIGIN_M = 100_000.0  # of map.origin_m
@@ -102,6 +103,7 @@ class _MapMaker:
         if not placed:
             raise self._file.error("", "shows no mesh: its scene has no node with a mesh", _NO_MESH)
         self._budget = min(max(MAX_PIECES // len(placed), _MIN_MESH_PIECES), _MAX_MESH_PIECES)
+        self._wide = min(max(MAX_WIDE // len(placed), self._budget), MAX_WIDE // 2)
         for number, one in enumerate(placed):
             progress.tell("objects", number, len(placed))
             self._add(one)
@@ -284,7 +286,9 @@ class _MapMaker:
             cross = np.cross(every[:, 1] - every[:, 0], every[:, 2] - every[:, 0])
             every = every[np.linalg.norm(cross, axis=1) > 1e-9]
             self._pieces[key] = (
-                contact_pieces(every, error_m=self._options.contact_error_m, max_pieces=self._budget, up=up)
+                contact_pieces(
+                    every, error_m=self._options.contact_error_m, max_pieces=self._budget, up=up, max_wide=self._wide
+                )
                 if len(every)
                 else Pieces(self._options.contact_error_m)
             )
