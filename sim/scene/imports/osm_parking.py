@@ -21,6 +21,7 @@ from sim.scene.imports.shapes import coordinates, shapely
 
 BAY_M = (5.0, 2.6)  # length and width
 _AISLE_M = 6.0
+_NARROW_M = 2.0  # the least width for cars
 _JUNCTION_M = 8.0  # free of cars round junctions and crossings
 _QUIET = ("residential", "living_street", "unclassified")  # streets with parked cars though no tag says so
 _QUIET_LEAST_M = 5.0
@@ -47,7 +48,10 @@ def is_on_ground(tags: Tags) -> bool:
 
 
 def bays(polygon: Any, key: str) -> Iterator[ParkingPlace]:
-    """Yield the bays of a parking area: rows on both sides of aisles, along the longer side of its least rectangle."""
+    """Yield the bays of a parking area: rows on both sides of aisles, along the longer side of its least rectangle.
+
+    One of less than the length of a bay has cars along it: so has a single mapped bay.
+    """
     box = shapely.minimum_rotated_rectangle(polygon)
     if box.geom_type != "Polygon":
         return
@@ -56,11 +60,19 @@ def bays(polygon: Any, key: str) -> Iterator[ParkingPlace]:
     if float(u @ u) < float(v @ v):
         u, v = v, u
     length, width = sqrt(float(u @ u)), sqrt(float(v @ v))
-    if width < BAY_M[0]:
+    if width < _NARROW_M or length < BAY_M[0] - 0.6:
         return
     u, v = u / length, v / width
-    heading = det_atan2(float(v[1]), float(v[0]))
     shapely.prepare(polygon)
+    if width < BAY_M[0]:  # a single bay, or cars one behind the other
+        count = max(1, int(length / _STEP_M["parallel"]))
+        for column in range(count):
+            x, y = (corners[0] + (column + 0.5) / count * length * u + 0.5 * width * v).tolist()
+            ends = shapely.LineString([np.array((x, y)) - 2.0 * u, np.array((x, y)) + 2.0 * u])
+            if polygon.contains(ends):
+                yield ParkingPlace(x, y, det_atan2(float(u[1]), float(u[0])), LOT_SHARE, key)
+        return
+    heading = det_atan2(float(v[1]), float(v[0]))
     deep, wide = BAY_M
     rows, at = [], 0.0
     while at + deep <= width + 1e-6:

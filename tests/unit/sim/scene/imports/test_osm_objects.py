@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.scene.imports.osm_parking import street_places
+from sim.scene.imports.osm_parking import bays, street_places
 from sim.scene.imports.osm_shapes import Line
 from sim.scene.imports.shapes import shapely
 from sim.scene.world import World
@@ -159,6 +159,26 @@ def test_where_cars_park_along_a_street(tags: dict[str, str], sides: set[float],
     assert {round(place.y, 6) for place in places} == sides
     if tags.get("parking:lane:right") == "perpendicular":
         assert np.cos([p.heading_rad for p in places]) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("corners", "places", "heading"),
+    [
+        (((0, 0), (5, 0), (5, 2.5), (0, 2.5)), [(2.5, 1.25)], (1.0, 0.0)),  # a bay
+        (((0, 0), (2.5, 0), (2.5, 5), (0, 5)), [(1.25, 2.5)], (0.0, 1.0)),
+        (((0, 0), (18, 0), (18, 2.5), (0, 2.5)), [(3, 1.25), (9, 1.25), (15, 1.25)], (1.0, 0.0)),  # along a kerb
+        (((0, 0), (7.8, 0), (7.8, 5), (0, 5)), [(1.3, 2.5), (3.9, 2.5), (6.5, 2.5)], (0.0, 1.0)),  # a row
+        (((0, 0), (20, 0), (20, 1.5), (0, 1.5)), [], (1.0, 0.0)),  # too narrow
+    ],
+)
+def test_bays_of_a_parking_area(
+    corners: tuple[tuple[float, float], ...], places: list[tuple[float, float]], heading: tuple[float, float]
+) -> None:
+    found = list(bays(shapely.Polygon(corners), "w1"))
+    assert sorted((round(p.x, 6), round(p.y, 6)) for p in found) == places
+    for place in found:  # a row's cars stand either way along the heading
+        along = np.cos(place.heading_rad) * heading[0] + np.sin(place.heading_rad) * heading[1]
+        assert abs(along) == pytest.approx(1.0)
 
 
 def ray(world: World, start: tuple[float, float, float], way: tuple[float, float, float]) -> tuple[float, str]:
