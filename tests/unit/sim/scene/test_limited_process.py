@@ -17,13 +17,14 @@ from hil.run.runs.progress import MapProgress
 from signals.errors import ConfigError
 from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle
-from sim.scene import work_progress
+from sim.scene import limited_process, work_progress
 from sim.scene.budget import Budget, MapLimits
 from sim.scene.limited_process import limited
 from sim.scene.scene import load_scene
 from sim.scene.work_progress import State
 from sim.world_loader import load_world
 from tests.worlds.one_crate import crate, error_of
+from tests.worlds.patience import PATIENCE_S
 
 EXAMPLES = Path(__file__).parents[4] / "docs" / "examples" / "places"
 
@@ -76,7 +77,7 @@ def test_processor_time_is_one_limit_for_all_that_is_done() -> None:
 
 
 def test_progress_is_shown_while_an_import_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The display opens after a second, hears what the process tells, and is closed with the answer."""
+    """The display opens after the patience, hears what the process tells, and is closed with the answer."""
     heard: list[State] = []
     titles: list[str] = []
 
@@ -89,14 +90,18 @@ def test_progress_is_shown_while_an_import_takes_long(monkeypatch: pytest.Monkey
     little = Budget("city.glb")
     assert limited("tests.worlds.told_work:count", 3, 0.0, budget=little, what="making its map") == 3
     monkeypatch.setattr(work_progress.progress, "display", display)
+    monkeypatch.setattr(limited_process, "_PATIENCE_S", PATIENCE_S)
     assert limited("tests.worlds.told_work:count", 3, 0.0, budget=little, what="making its map") == 3
     assert not titles  # too quick to be shown
-    assert limited("tests.worlds.told_work:count", 4, 0.8, budget=little, what="making its map") == 4
+    monkeypatch.setattr(limited_process, "_PATIENCE_S", 0.0)
+    assert limited("tests.worlds.told_work:count", 5, 0.4, budget=little, what="making its map") == 5
     assert titles == ["city.glb", "closed"]
-    assert heard[0].total == 4
-    assert [state.done for state in heard] == sorted(state.done for state in heard)
+    told = [state for state in heard if state.total]
+    assert {state.total for state in told} == {5}
+    assert [state.done for state in told] == sorted(state.done for state in told)
+    assert {state for state in heard if not state.total} <= {State("making its map")}  # before the first is told
     heard.clear()
-    limited("time:sleep", 1.6, budget=little, what="MuJoCo's compiler")
+    limited("time:sleep", 0.6, budget=little, what="MuJoCo's compiler")
     assert set(heard) == {State("MuJoCo's compiler")}
 
 
