@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Sequence
 from importlib import metadata
 from typing import Annotated
@@ -77,12 +78,22 @@ def _refusal(arguments: Sequence[str]) -> str:
     return ""
 
 
+def _show_map_progress() -> None:
+    """Show the progress of maps whose import takes long. Loaded only for a terminal."""
+    from hil.run.runs.progress import map_progress
+    from sim.scene.work_progress import progress
+
+    progress.display = map_progress
+
+
 def run_command_line(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. KeyboardInterrupt passes through."""
     refusal = _refusal(arguments)
     if refusal:
         error_console.print(f"[bold red]error:[/] {escape(refusal)}", markup=True)
         return CONFIG_STATUS
+    if sys.stdout is not None and sys.stdout.isatty():
+        _show_map_progress()
     command = typer.main.get_command(app)
     try:
         if _COMPLETE in os.environ:  # a shell asks for completions

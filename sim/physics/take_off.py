@@ -1,4 +1,4 @@
-"""Check of the take-off place: solid ground under the vehicle that it stands on, and no obstacle there.
+"""Check of the take-off place: solid ground under the vehicle that it stands on, and no obstacle there or just above.
 
 Where that fails, a place nearby is looked for that passes the same check.
 """
@@ -27,6 +27,7 @@ from sim.world_loader import load_world
 _CONTACT_STEP_S = 0.001
 _TOP_M = 10_000.0  # above every map
 _DOWN = np.array([[0.0], [0.0], [-1.0]])
+_CLIMB_M = 1.2  # above the vehicle nothing is solid up to here
 _SEARCH_M = (0.0, 2.0, 4.0, 6.0, 9.0, 12.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0, 100.0, 140.0, 200.0)
 _BEARINGS = 24
 _EASY_RAD = 5.0 * RAD_PER_DEG  # slope of a place that is proposed
@@ -77,6 +78,10 @@ def take_off_problem(
         return problem(
             f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
         )
+    over_m, over = _overhead(model, data, footing)
+    if over_m < _CLIMB_M:
+        what = _name(world, model, over)
+        return problem(f"leaves no room to take off: {what} is {over_m:.2f} m above the vehicle at {where}")
     lowered_m = OVER_GROUND_M + vehicle.standing_height_m - vehicle.lying_height_m
     if not _contacts(model, data, footing, lowered_m):
         return problem(
@@ -118,6 +123,8 @@ def _nearest_place(
                 continue
             if min(_contacts(model, data, footing), default=(0.0, -1))[0] < -INSIDE_M:
                 continue
+            if _overhead(model, data, footing)[0] < _CLIMB_M:
+                continue
             lower = sum(h is None or h < z - _STOREY_M for h in around[1])
             if lower < _ROOF_SIDES:
                 return place
@@ -132,6 +139,14 @@ def _top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> fl
     body = int(model.jnt_bodyid[0])
     distance_m: float = mujoco.mj_ray(model, data, top, _DOWN, None, 1, body, geom)
     return None if distance_m < 0.0 else _TOP_M - distance_m
+
+
+def _overhead(model: mujoco.MjModel, data: mujoco.MjData, footing: Footing) -> tuple[float, int]:
+    """Return distance and geom of what is solid right above a vehicle that stands; infinity if nothing is."""
+    geom = np.full((1, 1), -1, dtype=np.int32)
+    start = np.array(footing.p_WB, float).reshape(3, 1)
+    distance_m = float(mujoco.mj_ray(model, data, start, -_DOWN, None, 1, int(model.jnt_bodyid[0]), geom))
+    return (distance_m, int(geom[0, 0])) if distance_m >= 0.0 else (math.inf, -1)
 
 
 def _pose_actors(world: World, model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -8,7 +8,9 @@ seconds without a call, and with the bench.
 
     bench -> host    a line of JSON: folder, function, working directory, limits
     host -> bench    a line of JSON: status of the process as of os.waitpid, processor time [s]
-    folder           arguments.pickle, result.pickle: written and read by this program alone
+    folder           arguments.pickle, result.pickle, progress.txt: written and read by this program alone
+
+While a call takes longer than about a second, the bench's display of progress is open, if it has one.
 """
 
 from __future__ import annotations
@@ -27,16 +29,19 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from signals.errors import ConfigError, Problem
 from sim.scene.budget import Budget
+from sim.scene.work_progress import progress, read_state
 
 _ARGUMENTS, _RESULT = "arguments.pickle", "result.pickle"
 _IDLE_S = 20.0
 _LEAST_S = 1.0  # of processor time for a call, however little is left
+_PATIENCE_S, _LOOK_S = 1.0, 0.1  # before progress is shown; between two looks at it
 
 
 def limited(function: str, *arguments: Any, budget: Budget, what: str) -> Any:
@@ -56,10 +61,12 @@ def limited(function: str, *arguments: Any, budget: Budget, what: str) -> Any:
             {
                 "folder": name,
                 "function": function,
+                "tells": progress.display is not None,
                 "cwd": _working_directory(),
                 "memory_bytes": int(budget.limits.memory_bytes),
                 "cpu_s": max(budget.left_s, _LEAST_S),
-            }
+            },
+            lambda reply: _wait(reply, folder, budget.source, what),
         )
         if status != 0 or not (folder / _RESULT).exists():
             raise _ended(status, budget, what)
@@ -76,6 +83,19 @@ def limited(function: str, *arguments: Any, budget: Budget, what: str) -> Any:
         raise _no_space(folder, value)
     hint = "the file may be damaged; if not, this is a defect of the bench"
     raise ConfigError([Problem(budget.source, f"cannot be made into a map: {value}", hint)])
+
+
+def _wait(reply: Any, folder: Path, source: str, what: str) -> None:
+    """Wait for an answer, and show what the process does if that takes long."""
+    if progress.display is None:
+        return
+    end_s = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < end_s:
+        if select.select([reply], [], [], _LOOK_S)[0]:
+            return
+    with progress.display(source) as show:
+        while not select.select([reply], [], [], _LOOK_S)[0]:
+            show(read_state(folder, what))
 
 
 def _working_directory() -> str:
@@ -109,12 +129,15 @@ class _Host:
         self._process: subprocess.Popen[bytes] | None = None
         self._owner = 0
 
-    def call(self, request: dict[str, Any]) -> tuple[int, float]:
-        """Return status and processor time [s] of the process that worked on a request."""
+    def call(self, request: dict[str, Any], wait: Callable[[Any], None]) -> tuple[int, float]:
+        """Return status and processor time [s] of the process that worked on a request.
+
+        `wait` is called with the pipe of the answer before that is read.
+        """
         line = json.dumps(request).encode() + b"\n"
         with self._lock:
             try:
-                reply = self._answer(line) or self._answer(line)  # the host may have ended meanwhile
+                reply = self._answer(line, wait) or self._answer(line, wait)  # the host may have ended meanwhile
             except BaseException:
                 self.end()
                 raise
@@ -123,7 +146,7 @@ class _Host:
         status, cpu_s = json.loads(reply)
         return int(status), float(cpu_s)
 
-    def _answer(self, line: bytes) -> bytes:
+    def _answer(self, line: bytes, wait: Callable[[Any], None]) -> bytes:
         """Return the host's reply; b"" if it has ended."""
         process = self._process
         if process is None or self._owner != os.getpid() or process.poll() is not None:
@@ -140,6 +163,7 @@ class _Host:
         with contextlib.suppress(BrokenPipeError):
             process.stdin.write(line)
             process.stdin.flush()
+        wait(process.stdout)
         reply = process.stdout.readline()
         if not reply:
             self.end()
@@ -190,6 +214,8 @@ def _work(request: dict[str, Any]) -> None:
     folder = Path(request["folder"])
     try:
         _limit(request["memory_bytes"], request["cpu_s"])
+        if request["tells"]:
+            progress.write_to(folder)
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):  # 1 is the host's answer
             os.dup2(nowhere, stream)

@@ -94,6 +94,15 @@ class GltfMap(StrictModel):
         return _without(self, "gltf", ("generator", "seed", "mjcf"))
 
 
+class OsmObjects(StrictModel):
+    """Parked cars, people, road details and denser or thinner woods of an OpenStreetMap district."""
+
+    seed: Seed = 1
+    density: Annotated[float, Field(gt=0.0, le=4.0)] = 1.0  # of cars, people and woods: 1 as in a usual town
+    max_cars: Annotated[int, Field(ge=0, le=2000)] = 300  # the nearest to the take-off place are kept
+    max_people: Annotated[int, Field(ge=0, le=200)] = 40
+
+
 class OsmMap(StrictModel):
     """A district from an OpenStreetMap extract, round the scene's site."""
 
@@ -103,6 +112,7 @@ class OsmMap(StrictModel):
     seed: Seed = 1  # of facades, trees and what else the extract does not state
     ground: Literal["auto", "grass", "paving", "gravel", "soil", "asphalt", "sand"] = "auto"
     max_trees: Annotated[int, Field(ge=0, le=5000)] = 1500
+    objects: OsmObjects | None = None  # null: none of them
     classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # patterns of "key=value"
     new_classes: tuple[ClassName, ...] = ()
 

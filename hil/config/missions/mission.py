@@ -15,6 +15,7 @@ from signals.mission import MissionItem
 MAX_ITEMS = 2_000  # capacity of the mock autopilot
 MAX_HEIGHT_M = 5_000.0  # above home; a multicopter of this class flies lower
 MAX_DISTANCE_M = 100_000.0  # from the scene's site
+_OTHER_MISSION = "name the mission of this place with --mission, or fly none: --set mission=null"
 
 # MAV_FRAME numbers that a mission may use.
 FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
@@ -221,7 +222,7 @@ def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None, far:
                     f"{site.latitude_deg:.5f}, {site.longitude_deg:.5f}; "
                     f"at most {MAX_DISTANCE_M / 1000:g} km are accepted"
                 )
-                far.append(Problem(raw.where(4), message, "is it the mission for this scene?"))
+                far.append(Problem(raw.where(4), message, _OTHER_MISSION))
     if math.isnan(altitude):
         if raw.command not in LAND_COMMANDS:
             report(6, "has no altitude")

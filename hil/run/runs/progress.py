@@ -10,10 +10,11 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self, TextIO
 
 from signals.time import NS_PER_S
+from sim.scene.work_progress import State
 
 _BAR_PERIOD_S = 0.1  # wall time between two updates of the bar
 _COUNT_LINE_PERIOD_S = 5.0  # without a terminal: wall time between two lines of a `CountProgress`
@@ -173,3 +174,28 @@ class Progress(ProgressDisplay):
         # Waypoints predict the end better than the time limit, which only failing runs reach.
         total, done = (float(waypoints), float(reached)) if waypoints else (self._limit_ns or None, float(t_ns))
         self._bar.update(self._task, total=total, completed=done, text=text, refresh=True)
+
+
+class MapProgress(ProgressDisplay):
+    """Progress of the import of a map: a bar on a terminal, elsewhere nothing. Its name is the map's file."""
+
+    def __init__(
+        self, source: str, *, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__(source, quiet=False, stream=stream, clock=clock)
+        self._quiet = self._quiet or not self._stream.isatty()
+
+    def show(self, state: State) -> None:
+        """Display a state of the work."""
+        if self._bar is None:
+            return
+        text = f"{state.done} of {state.total} {state.what}" if state.total else state.what
+        with contextlib.suppress(OSError, ValueError):  # the terminal has been closed
+            self._bar.update(self._task, total=state.total or None, completed=state.done, text=text, refresh=True)
+
+
+@contextlib.contextmanager
+def map_progress(source: str) -> Iterator[Callable[[State], None]]:
+    """Open the display of a map's import, and return what shows a state in it."""
+    with MapProgress(source) as display:
+        yield display.show

@@ -154,6 +154,10 @@ def _imported(scene: Scene, section: GltfMap | OsmMap | ElevationMap, source: Im
         problems.append(scene.file.problem(("map", "surfaces", name), message, nearest(name, made.names, listed=False)))
     if problems:
         raise ConfigError(problems)
+    if made.walks:
+        from sim.scene.maps.imported.walkers import with_walkers  # loads the figures of people
+
+        made = replace(made, scene_map=with_walkers(made.scene_map, made.walks))
     scene_map = replace(made.scene_map, mjcf=_with_boxes(made.scene_map.mjcf, scene.boxes), from_file=True)
     return compile_map(scene, scene_map, class_colours, budget=source.budget)
 

@@ -9,7 +9,8 @@ cover every triangle and reach at most `error_m` E beyond the surface:
    and the hull of the slab has at most (E/2)^2 more area than its triangles, so that no gap of a radius above 0.4 E is
    closed. A slab reaches E/2 behind the surface.
 3. What stays in more than `max_pieces` slabs is covered, the smallest slabs first, by boxes of a grid with cells of
-   E / sqrt(3), joined along the axes. If these are too many as well, E is doubled.
+   E / sqrt(3), joined along the axes. If these are too many as well, E is doubled. Up to `max_wide` slabs stay if they
+   are so wide that a grid of 4 E needs too many boxes as well: the walls of a city.
 
 Terrain (a surface that every vertical line meets once) becomes a height field instead. With slopes above 80 degrees, as
 in scans of houses from the air, E is then at least 2 cells of the field.
@@ -25,13 +26,18 @@ import numpy as np
 import scipy  # loads its packages when they are first used
 from numpy.typing import NDArray
 
+from sim.scene.work_progress import progress
+
 Float64 = NDArray[np.float64]
 
 MAX_HFIELD = 400  # cells along a side: MuJoCo and the raster prepare some 300,000 triangles
 _MERGE_TRIANGLES = 60_000
 _TERRAIN_TRIANGLES = 200
 _STEEP = 0.17  # cosine of 80 degrees
-_MAX_E_STEPS = 5
+_MAX_E_STEPS = 40  # never reached: boxes get fewer with each step
+_LEAST_PIECES = 12
+_TOLD_PARTS = 100  # of a mesh, whose progress is told
+_WIDE_E, _WIDE_SHARE = 4.0, 4
 _MAX_CORNERS = 64  # of a slab's outline
 
 
@@ -58,11 +64,20 @@ class Pieces:
         return len(self.hulls) + len(self.boxes)
 
 
-def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Float64) -> Pieces:
-    """Return pieces that cover the triangles `corners` (n, 3, 3), whose areas are not zero; `up`: the vertical."""
+def contact_pieces(
+    corners: Float64, *, error_m: float, max_pieces: int, up: Float64, max_wide: int | None = None
+) -> Pieces:
+    """Return pieces that cover the triangles `corners` (n, 3, 3), whose areas are not zero; `up`: the vertical.
+
+    `max_wide`: of wide slabs; None: 4 `max_pieces`.
+    """
+    max_wide = _WIDE_SHARE * max_pieces if max_wide is None else max_wide
     pieces = Pieces(error_m)
     rest = []
-    for part in _parts(corners):
+    parts = _parts(corners)
+    for number, part in enumerate(parts):
+        if len(parts) >= _TOLD_PARTS:
+            progress.tell("parts of a mesh", number, len(parts))
         hull = _convex(part, error_m / 20.0, up)
         if hull is not None:
             pieces.hulls.append(hull)
@@ -77,24 +92,9 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
         pieces.terrain, left, pieces.error_m = _terrain(rest, error_m)
         if not len(left):
             return pieces
-    budget = max_pieces - len(pieces.hulls)
-    longest = np.linalg.norm(left - np.roll(left, 1, axis=1), axis=2).max(axis=1)
-    for step in range(_MAX_E_STEPS):
-        E = error_m * 2.0**step
-        reached_m = max(pieces.error_m, E)
-        # Merging takes some 30 us for each triangle, so that of very many only the large ones are merged.
-        merged = longest > (0.0 if len(left) <= _MERGE_TRIANGLES else 4.0 * E)
-        last = step == _MAX_E_STEPS - 1
-        if not last and (merged.sum() > _MERGE_TRIANGLES or _expected_boxes(left[~merged], E) > 2.0 * budget):
-            continue
-        slabs, small = _slabs(left[merged], E, budget)
-        small = np.concatenate([small, left[~merged]])
-        if not last and _expected_boxes(small, E) > 2.0 * budget:
-            continue
-        boxes = _grid_boxes(small, E / sqrt(3.0)) if len(small) else []
-        if len(slabs) + len(boxes) <= budget:
-            break
-    pieces.error_m = reached_m
+    taken = len(pieces.hulls)
+    slabs, boxes, E = _fitted(left, error_m, max(max_pieces - taken, _LEAST_PIECES), max_wide - taken)
+    pieces.error_m = max(pieces.error_m, E)
     for slab in slabs:
         box = _as_box(slab)
         if box is not None:
@@ -105,10 +105,39 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
     return pieces
 
 
+def _fitted(
+    left: Float64, error_m: float, max_pieces: int, max_wide: int
+) -> tuple[list[_Slab], list[tuple[Float64, Float64]], float]:
+    """Return slabs and boxes of a grid that cover triangles, and E: the least that needs no more than `max_pieces`.
+
+    The work of each step is bounded by the number of triangles and of pieces, not by the size of the surface.
+    """
+    longest = np.linalg.norm(left - np.roll(left, 1, axis=1), axis=2).max(axis=1)
+    E = error_m
+    for step in range(_MAX_E_STEPS):
+        E = error_m * 2.0**step
+        # Merging takes some 30 us for each triangle, so that of very many only the large ones are merged.
+        merged = longest > (0.0 if len(left) <= _MERGE_TRIANGLES else 4.0 * E)
+        if merged.sum() > _MERGE_TRIANGLES or _expected_boxes(left[~merged], E) > 2.0 * max_pieces:
+            continue
+        slabs, members = _slabs(left[merged], E)
+        kept = len(slabs) if len(slabs) <= max_pieces else max_pieces // 2
+        small = np.concatenate([left[merged][[i for rest in members[kept:] for i in rest]], left[~merged]])
+        is_wide = _expected_boxes(small, _WIDE_E * error_m) > 2.0 * max_pieces
+        if step == 0 and is_wide and merged.all() and len(slabs) <= max_wide:
+            return slabs, [], E
+        if _expected_boxes(small, E) > 2.0 * max_pieces:
+            continue
+        boxes = _grid_boxes(small, E / sqrt(3.0)) if len(small) else []
+        if kept + len(boxes) <= max_pieces:
+            break
+    return slabs[:kept], boxes, E
+
+
 def flat_parts(corners: Float64) -> list[Float64]:
     """Return the outlines (n, 2) of convex polygons that cover flat triangles (n, 3, 2), with E = 0.2 m."""
     raised = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2)
-    slabs, _ = _slabs(raised, 0.2, len(raised))
+    slabs, _ = _slabs(raised, 0.2)
     return [slab.points[:, :2] for slab in slabs]
 
 
@@ -202,10 +231,10 @@ def _outline(points: Float64, n: Float64) -> tuple[Float64, float]:
     return points[hull], 0.5 * abs(area2) / abs(float(n[k]))
 
 
-def _slabs(corners: Float64, E: float, max_slabs: int) -> tuple[list[_Slab], Float64]:
-    """Merge triangles into slabs; return the largest `max_slabs` and the triangles of all others."""
+def _slabs(corners: Float64, E: float) -> tuple[list[_Slab], list[list[int]]]:
+    """Merge triangles into slabs; return these, the largest first, and the triangles of each."""
     if not len(corners):
-        return [], corners
+        return [], []
     index, _ = _welded(corners, 1e-5)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
@@ -224,7 +253,10 @@ def _slabs(corners: Float64, E: float, max_slabs: int) -> tuple[list[_Slab], Flo
     area = areas.tolist()
     reach = [(0.0, 0.0)] * len(corners)  # of the vertices along the normal, about the plane through the first point
     flat, excess = E / 4.0, 0.25 * E * E
-    for i, j in _shared_edges(index, corners, normals):
+    edges = _shared_edges(index, corners, normals)
+    for number, (i, j) in enumerate(edges):
+        if number % 1000 == 999:
+            progress.tell("edges of flat parts", number, len(edges))
         a, b = root(i), root(j)
         if a == b:
             continue
@@ -253,10 +285,8 @@ def _slabs(corners: Float64, E: float, max_slabs: int) -> tuple[list[_Slab], Flo
     for i in range(len(corners)):
         members[root(i)].append(i)
     ordered = sorted(members, key=lambda r: -area[r])
-    kept = ordered if len(ordered) <= max_slabs else ordered[: max_slabs // 2]
-    slabs = [_Slab(outline[r], normal[r], area[r], reach[r], E / 2.0) for r in kept]
-    rest = [i for r in ordered[len(kept) :] for i in members[r]]
-    return slabs, corners[rest]
+    slabs = [_Slab(outline[r], normal[r], area[r], reach[r], E / 2.0) for r in ordered]
+    return slabs, [members[r] for r in ordered]
 
 
 def _shared_edges(index: NDArray[np.int64], corners: Float64, normals: Float64) -> list[tuple[int, int]]:

@@ -86,7 +86,7 @@ class GeoTiff:
         rows, columns = self.heights.shape
         known = np.argwhere(np.isfinite(self.heights))
         if not len(known):
-            raise ConfigError([Problem(self.source, "holds no known height")])
+            raise ConfigError([Problem(self.source, "holds no known height", "cut it out where it has heights")])
         row, column = known[np.abs(known - (0.5 * (rows - 1), 0.5 * (columns - 1))).sum(axis=1).argmin()].tolist()
         x, y = self.origin[0] + column * self.step[0], self.origin[1] + row * self.step[1]
         latitude_deg, longitude_deg = (y, x) if self.epsg in _GEOGRAPHIC else self._geodetic(x, y)
@@ -233,7 +233,9 @@ def make_terrain(tiff: GeoTiff, site: Site, half_m: float) -> Terrain:
         message = (
             f"has no height at the take-off place, latitude {site.latitude_deg:.6f}, longitude {site.longitude_deg:.6f}"
         )
-        raise ConfigError([Problem(tiff.source, message)])
+        latitude_deg, longitude_deg, _ = tiff.middle()
+        hint = f"its middle is at latitude_deg: {latitude_deg:.6f}, longitude_deg: {longitude_deg:.6f}"
+        raise ConfigError([Problem(tiff.source, message, hint)])
     z = np.round(_filled(z) - middle, 4)
     # The take-off place is level, so that the vehicle stands.
     near = np.abs(line) <= max(2.0, 0.75 * cell)

@@ -201,7 +201,10 @@ class _Reader:
         name = "" if not part else f"{part} names a file that "
         try:
             if not path.is_file():
-                raise self._error(f"{name}does not exist: {shown_path(path)}" if part else "is not a file")
+                if not part:
+                    raise self._error("is not a file")
+                message = f"{name}does not exist: {shown_path(path)}"
+                raise self._error(message, "put it there: a .gltf needs its buffers and images; a .glb holds them")
             self._budget.memory(path.stat().st_size, part or "the file itself")
             return path.read_bytes()
         except (OSError, ValueError) as error:

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
 from sim.scene.budget import Budget
+from sim.scene.work_progress import progress
 
 MAX_BYTES = 300_000_000
 MAX_OBJECTS = 3_000_000
@@ -71,7 +72,7 @@ def read_osm(path: Path, budget: Budget | None = None) -> OsmData:
             data = _pbf(path, source, budget)
         else:
             with path.open("rb") as file:
-                data = _xml(file, source, budget)
+                data = _xml(file, source, size, budget)
     except OSError as error:
         raise ConfigError([Problem(source, f"cannot be read: {error.strerror or error}")]) from None
     if not data.nodes:
@@ -83,7 +84,7 @@ class _Refused(Exception):
     """A part of an XML file that is not accepted."""
 
 
-def _xml(file: BinaryIO, source: str, budget: Budget) -> OsmData:
+def _xml(file: BinaryIO, source: str, size: int, budget: Budget) -> OsmData:
     data = OsmData(source)
     parser = xml.parsers.expat.ParserCreate()
     tags: Tags = {}
@@ -152,10 +153,13 @@ def _xml(file: BinaryIO, source: str, budget: Budget) -> OsmData:
     fed = 0
     try:
         while chunk := file.read(_CHUNK_BYTES):
+            if not fed and chunk.startswith((b"\x1f\x8b", b"BZh")):
+                raise ConfigError([Problem(source, "is compressed", "unpack it: gunzip or bunzip2")])
             if not fed and not chunk.strip():
                 raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
             parser.Parse(chunk, False)
             fed += len(chunk)
+            progress.tell("MB read", fed // 1_000_000, size // 1_000_000)
             if fed - max(parser.CurrentByteIndex, 0) > 2 * _CHUNK_BYTES:
                 raise _Refused(f"an element or a text of more than {_CHUNK_BYTES} bytes")
         if not fed:

@@ -11,6 +11,7 @@ import re
 from sim.scene.imports.osm_file import Tags
 
 LEVEL_M = 3.0
+BRIDGE_M = 4.5  # under a building that bridges a street
 _NUMBER = re.compile(r"^\s*(-?\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|')?\s*(?:(\d+(?:\.\d+)?)\s*(?:\"|in|''))?\s*$")
 _MAX_HEIGHT_M = 900.0
 
@@ -213,7 +214,10 @@ def heights(tags: Tags, area_m2: float) -> tuple[float, float, float | None, boo
     base = length_m(tags.get("min_height"))
     if base is None:
         base = LEVEL_M * (number(tags.get("building:min_level")) or 0.0)
-    total = max(total, base + 0.5, 1.0)
+        if base == 0.0 and building_kind(tags) == "bridge":  # over a street
+            base = BRIDGE_M
+    least = LEVEL_M if building_kind(tags) == "bridge" else 0.5
+    total = max(total, base + least, 1.0)
     return base, total, roof, stated
 
 
@@ -224,3 +228,11 @@ def width_m(tags: Tags, default: float) -> float:
         return stated
     lanes = number(tags.get("lanes"))
     return min(max(LANE_M * lanes, 2.5), 40.0) if lanes else default
+
+
+def is_underground(tags: Tags) -> bool:
+    """Return True for what is not seen from above: tunnels, and things of a layer below 0."""
+    level = tags.get("layer", "0")
+    return tags.get("tunnel", "no") not in ("no",) or tags.get("location") == "underground" or (
+        level.startswith("-") and "waterway" not in tags and tags.get("natural") != "water"
+    )  # fmt: skip

@@ -1,6 +1,8 @@
 """Polygons of an extract: put together, repaired and cut into triangles. Needs the package shapely.
 
-Coordinates are rounded to 1 mm: the functions of GEOS may differ in the last bit between machines.
+Coordinates are rounded to 1 mm: the functions of GEOS may differ in the last bit between machines. Of two points that
+differ in the sign of a zero, GEOS keeps either one, by the addresses of its objects, which change from run to run: what
+leaves GEOS has no -0.0.
 """
 
 from __future__ import annotations
@@ -62,12 +64,17 @@ def polygons_of_lines(outer: Sequence[Any], inner: Sequence[Any]) -> list[Any]:
     return parts(rounded(area))
 
 
+def coordinates(shape: Any) -> Float64:
+    """Return the points (n, 2) of any shape in their order, without -0.0."""
+    return np.asarray(shapely.get_coordinates(shape) + 0.0)
+
+
 def triangles(polygon: Any) -> Float64:
     """Return the triangles (n, 3, 2) of a polygon, with its holes left out, counter-clockwise."""
     found = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     if not len(found):
         return np.zeros((0, 3, 2))
-    corners = shapely.get_coordinates(found).reshape(-1, 4, 2)[:, :3]
+    corners = coordinates(found).reshape(-1, 4, 2)[:, :3]
     return counter_clockwise(corners)
 
 
@@ -81,7 +88,7 @@ def counter_clockwise(corners: Float64) -> Float64:
 def rings(polygon: Any) -> list[Float64]:
     """Return the outer ring, counter-clockwise, and the holes, clockwise, without their repeated last points."""
     turned = shapely.orient_polygons(polygon)
-    return [np.asarray(ring.coords)[:-1, :2] for ring in (turned.exterior, *turned.interiors)]
+    return [coordinates(ring)[:-1] for ring in (turned.exterior, *turned.interiors)]
 
 
 def union(shapes: Iterable[Any]) -> Any:

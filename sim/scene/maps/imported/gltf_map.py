@@ -28,12 +28,16 @@ from sim.scene.maps.imported.gltf_materials import Look, decoded, look_of, png_o
 from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.map_builder import Body, MapBuilder
 from sim.scene.scene_map import Surface
+from sim.scene.work_progress import progress
 
 Float64 = NDArray[np.float64]
 
 MAX_PIECES = 16_000  # solid pieces of a map
+MAX_WIDE = 64_000  # of these, if they are walls
 _MAX_MESH_PIECES, _MIN_MESH_PIECES = 8_000, 12
 MAX_EXTENT_M = 50_000.0
+MAX_ORIGIN_M = 100_000.0  # of map.origin_m
+_NO_MESH = "export it again with its meshes, not hidden, as triangles"
 _DRAWN_BYTES = 150  # of a triangle in MuJoCo's format
 _MAX_COLOURS = 48  # of the vertices of one primitive
 _ROUND_ORIGIN_M = np.array([(x, y) for x in (-3.0, 0.0, 3.0) for y in (-3.0, 0.0, 3.0)])
@@ -97,12 +101,14 @@ class _MapMaker:
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         placed = list(placed_meshes(self._file, options.scale, turn, self._notes))
         if not placed:
-            raise self._file.error("", "shows no mesh: its scene has no node with a mesh")
+            raise self._file.error("", "shows no mesh: its scene has no node with a mesh", _NO_MESH)
         self._budget = min(max(MAX_PIECES // len(placed), _MIN_MESH_PIECES), _MAX_MESH_PIECES)
-        for one in placed:
+        self._wide = min(max(MAX_WIDE // len(placed), self._budget), MAX_WIDE // 2)
+        for number, one in enumerate(placed):
+            progress.tell("objects", number, len(placed))
             self._add(one)
         if not self._bodies:
-            raise self._file.error("", "has no triangles to show")
+            raise self._file.error("", "has no triangles to show", _NO_MESH)
         if options.ground or (options.ground is None and not self._covered.all()):
             self._builder.material("ground", named_surfaces.SOIL, rgb=(0.45, 0.43, 0.38), specular=0.0)
             self._builder.ground("plane", (0.0, 0.0, 1.0), material="ground")
@@ -154,10 +160,12 @@ class _MapMaker:
             return
         mesh_name = self._file.gltf.meshes[placed.mesh].name
         position = placed.position - np.array(self._options.origin_m)
-        reach = np.abs(placed.scales) @ np.abs(np.concatenate([s.vertex for s in shown])).max(axis=0)[[0, 2, 1]]
-        if not np.abs(position).max() + np.linalg.norm(reach) <= MAX_EXTENT_M:  # NaN is none
+        low, high = _bounds(shown, placed)
+        origin = np.array(self._options.origin_m)
+        if not max(np.abs(low - origin).max(), np.abs(high - origin).max()) <= MAX_EXTENT_M:  # NaN is none
             message = f"goes beyond {MAX_EXTENT_M / 1000:g} km from the take-off place"
-            raise self._file.error(f"node {placed.name[:60]!r}", message, "set map.scale and map.origin_m")
+            hint = _within_reach(self._options, low, high)
+            raise self._file.error(f"node {placed.name[:60]!r}", message, hint)
         by_class: dict[str, list[Surfaces]] = {}
         for part in shown:
             name = self._patterns.class_of((placed.name, mesh_name, self._look(part.material).name), "")
@@ -278,7 +286,9 @@ class _MapMaker:
             cross = np.cross(every[:, 1] - every[:, 0], every[:, 2] - every[:, 0])
             every = every[np.linalg.norm(cross, axis=1) > 1e-9]
             self._pieces[key] = (
-                contact_pieces(every, error_m=self._options.contact_error_m, max_pieces=self._budget, up=up)
+                contact_pieces(
+                    every, error_m=self._options.contact_error_m, max_pieces=self._budget, up=up, max_wide=self._wide
+                )
                 if len(every)
                 else Pieces(self._options.contact_error_m)
             )
@@ -308,6 +318,29 @@ class _MapMaker:
             body.proxy("hfield", asset=name, material=material, pos=(*field.centre, low), part="solid_terrain")
             if not classified:
                 self._classes.setdefault("terrain", []).append(body.name)
+
+
+def _bounds(shown: list[Surfaces], placed: Placed) -> tuple[Float64, Float64]:
+    """Return the least and greatest corner of the box round a mesh's own box, at its place."""
+    vertex = np.concatenate([s.vertex for s in shown])
+    ends = np.stack([vertex.min(axis=0), vertex.max(axis=0)])
+    corners = np.array([(ends[i, 0], ends[j, 1], ends[k, 2]) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    at = corners @ (placed.R @ placed.scales @ _TURN).T + placed.position
+    return at.min(axis=0), at.max(axis=0)
+
+
+def _within_reach(options: GltfOptions, low: Float64, high: Float64) -> str:
+    """Return how a thing between two corners comes near the take-off place: by scale if it is large, else by origin."""
+    size_m = float((high - low).max())
+    if not np.isfinite(size_m):
+        return "its place is no number: export it again"
+    if size_m > 0.5 * MAX_EXTENT_M:
+        scale = 10.0 ** np.floor(np.log10(options.scale * 0.1 * MAX_EXTENT_M / size_m))
+        return f"in a scene's file, set map.scale: {scale:g}, or what a unit of the file is in metres"
+    x, y, z = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2])
+    if max(abs(x), abs(y), abs(z)) < MAX_ORIGIN_M:
+        return f"in a scene's file, set map.origin_m: [{x:.1f}, {y:.1f}, {z:.1f}]"
+    return "move the model to the origin of its file, and export it again"
 
 
 def _by_colour(

@@ -6,6 +6,7 @@ from what is seen by at most 0.1 m.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ from sim.scene.imports.contact_pieces import flat_parts
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import Tags
 from sim.scene.imports.roofs import Roof, make_roof
-from sim.scene.imports.shapes import parts, rings, rounded, shapely, triangles
+from sim.scene.imports.shapes import coordinates, parts, rings, rounded, shapely, triangles
 from sim.scene.maps import textures
 from sim.scene.maps.facade_layout import BAYS, STOREY_M, STOREYS, WHITE_WALL_RGB
 from sim.scene.maps.map_builder import Body, MapBuilder
@@ -34,7 +35,8 @@ _SHED_KINDS = frozenset(
 )
 _OFFICE_KINDS = frozenset(["office", "commercial", "civic", "public", "hospital", "university", "supermarket"])
 _SHOP_KINDS = frozenset(["retail", "commercial"])
-_OPEN_KINDS = frozenset(["roof", "carport"])  # a roof on posts
+_OPEN_KINDS = frozenset(["roof", "carport", "canopy"])  # a roof on posts
+_POST_M, _POST_INSET_M, _POST_STEP_M = 0.09, 0.35, 6.0  # radius; from the edge of the roof; between posts
 _EAVES_M = 0.35
 _TILE_M, _FELT_M = 4.8, 6.0  # edge of the texture of roof tiles, and of flat roofs
 _WALL_SURFACES: dict[str, Surface] = {"brick": surfaces.BRICK, "dark_brick": surfaces.BRICK, "metal": surfaces.METAL}
@@ -60,8 +62,10 @@ class Footprint:
 class BuildingMaker:
     """Adds buildings to a map. `seed`: of their looks."""
 
-    def __init__(self, builder: MapBuilder, seed: int) -> None:
+    def __init__(self, builder: MapBuilder, seed: int, walled: Sequence[Any] = ()) -> None:
+        """`walled`: footprints of buildings with walls from the ground, which hold a roof that rests on them."""
         self._builder, self._seed = builder, seed
+        self._walled = shapely.STRtree(list(walled)) if walled else None
         self._tinted: dict[tuple[str, tuple[float, float, float]], str] = {}
 
     def add(self, body: Body, footprint: Footprint, ground_m: float) -> None:
@@ -78,8 +82,11 @@ class BuildingMaker:
         pitched = footprint.roof != "flat"
         over = rounded(polygon.buffer(_EAVES_M, join_style="mitre")) if pitched and footprint.rise_m > 0.8 else polygon
         bottom = footprint.base_m if footprint.base_m > 0.0 else -ground_m
-        if osm_tags.building_kind(footprint.tags) in _OPEN_KINDS:
+        if is_open(footprint.tags):
             bottom = max(bottom, footprint.top_m - footprint.rise_m - 0.3)
+            self._posts(body, polygon, (-ground_m, bottom), footprint)
+        if bottom > 0.0:
+            self._underside(body, polygon, bottom, footprint)
         self._walls(body, polygon, roof, footprint, bottom, rng)
         self._roof(body, over, roof, footprint, rng)
         hulls = [_solid(part, roof, bottom) for part in _convex_parts(polygon)]
@@ -89,6 +96,42 @@ class BuildingMaker:
             name = f"{number}_solid_{i}"
             self._builder.hull(name, hull)
             body.proxy("mesh", asset=name, material=self.solid_material(), part=f"{number}_solid_{i}")
+
+    def _posts(self, body: Body, polygon: Any, span_m: tuple[float, float], footprint: Footprint) -> None:
+        """Add posts under the edge of a roof without walls, from the ground to its underside.
+
+        None stands where the roof rests on a building with walls.
+        """
+        low, high = span_m
+        inner = polygon.buffer(-_POST_INSET_M, join_style="mitre")
+        places = [place for part in parts(inner) for place in _post_places(rings(part)[0])]
+        middle = footprint.polygon.centroid
+        material = self._edge_material()
+        for i, (x, y) in enumerate(places):
+            if self._walled is not None:
+                post = shapely.Point(x + middle.x, y + middle.y).buffer(_POST_M)
+                if len(self._walled.query(post, predicate="intersects")):
+                    continue
+            body.geom(
+                "cylinder", (_POST_M, 0.5 * (high - low)), material=material, pos=(x, y, 0.5 * (low + high)),
+                part=f"{footprint.key}_post_{i}",
+            )  # fmt: skip
+
+    def _edge_material(self) -> str:
+        """Return the material of posts and of the edges of roofs without walls."""
+        return self._builder.material("osm_post", surfaces.METAL, rgb=(0.62, 0.64, 0.66), specular=0.4)
+
+    def _underside(self, body: Body, polygon: Any, bottom: float, footprint: Footprint) -> None:
+        """Add the face that is seen from below where a building does not stand on the ground."""
+        corners = triangles(polygon)[:, ::-1]
+        if not len(corners):
+            return
+        faces = _Faces()
+        faces.add(np.concatenate([corners, np.full((*corners.shape[:2], 1), bottom)], axis=2), corners / _FELT_M)
+        asset = f"{footprint.key}_underside"
+        self._builder.mesh_file(f"{asset}.msh", faces.msh())
+        material = self._builder.material("osm_underside", surfaces.CONCRETE, rgb=(0.62, 0.61, 0.59), specular=0.0)
+        body.geom("mesh", asset=asset, material=material, solid=False, part=asset)
 
     def solid_material(self) -> str:
         return self._builder.material("osm_solid", surfaces.CONCRETE)
@@ -154,7 +197,7 @@ class BuildingMaker:
                 at = [(shift + t * bays) / BAYS for t in stops]
                 if length < 1.5:  # too short for a window: the plain edge of a bay
                     at = [(shift + 0.06 * t * length) / BAYS for t in stops]
-                if split > floor:
+                if split > max(floor, bottom):
                     lower.strip(points, [bottom] * len(points), [min(split, z) for z in heights], at, floor, STOREY_M)
                 low = max(split, bottom) if split > floor else bottom
                 knees = [min(z, roof.low_m) for z in heights]
@@ -166,6 +209,8 @@ class BuildingMaker:
                 asset = f"{number}_{name}"
                 self._builder.mesh_file(f"{asset}.msh", faces.msh())
                 material = self._wall_material(style, tags, ground=ground, shops=shops)
+                if is_open(tags):  # the edge of a roof has no windows
+                    material = self._edge_material()
                 body.geom("mesh", asset=asset, material=material, solid=False, part=asset)
 
     def _roof(self, body: Body, polygon: Any, roof: Roof, footprint: Footprint, rng: RandomGenerator) -> None:
@@ -226,6 +271,24 @@ class BuildingMaker:
         return self._tinted[key]
 
 
+def is_open(tags: Tags) -> bool:
+    """Return True for a roof without walls."""
+    return osm_tags.building_kind(tags) in _OPEN_KINDS or tags.get("wall") == "no"
+
+
+def _post_places(ring: Float64) -> list[tuple[float, float]]:
+    """Return places at the corners of a ring and between them, none within 1 m of another."""
+    found: list[tuple[float, float]] = []
+    for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        d = b - a
+        count = max(1, int(np.ceil(float(np.sqrt(d @ d)) / _POST_STEP_M - 1e-6)))
+        for k in range(count):
+            x, y = (a + d * (k / count)).tolist()
+            if all((x - u) ** 2 + (y - v) ** 2 > 1.0 for u, v in found):
+                found.append((x, y))
+    return found
+
+
 class _Faces:
     """Triangles with texture coordinates, each with corners of its own."""
 
@@ -265,7 +328,7 @@ def _rectangle(polygon: Any) -> Float64:
     box = shapely.minimum_rotated_rectangle(polygon)
     if box.geom_type != "Polygon":
         box = polygon.envelope
-    return np.asarray(box.exterior.coords)[:4, :2]
+    return coordinates(box.exterior)[:4]
 
 
 def _direction(text: str | None, rectangle: Float64) -> Float64:

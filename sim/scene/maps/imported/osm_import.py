@@ -18,7 +18,9 @@ def made(path: Path, elevation: Path | None, section: OsmMap, site: Site, budget
     heights = read_geotiff(elevation, budget) if elevation is not None else None
     data = read_osm(path, budget)
     terrain = make_terrain(heights, site, section.radius_m) if heights is not None else None
-    options = OsmOptions(section.radius_m, section.seed, section.ground, section.max_trees, section.classes)
+    options = OsmOptions(
+        section.radius_m, section.seed, section.ground, section.max_trees, section.objects, section.classes
+    )
     return map_of_osm(data, site, options, terrain, budget)
 
 

@@ -1,4 +1,7 @@
-"""Make a map of an OpenStreetMap extract: ground, areas, roads, paths, water, buildings, barriers, trees, furniture."""
+"""Make a map of an OpenStreetMap extract: ground, areas, roads, paths, water, buildings, barriers, trees, furniture.
+
+With `objects` there are parked cars, people and details of the roads, too (osm_objects.py, osm_road_details.py).
+"""
 
 from __future__ import annotations
 
@@ -14,35 +17,42 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_atan2
 from signals.errors import ConfigError, Problem
-from signals.geodesy import Site
+from signals.geodesy import LocalFrame, Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from signals.units import RAD_PER_DEG
 from sim.scene import surfaces
 from sim.scene.budget import Budget
-from sim.scene.imports import osm_tags
+from sim.scene.imports import osm_road_details, osm_streets, osm_tags
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import OsmData, Tags
+from sim.scene.imports.osm_parking import bays, is_on_ground
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
-from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
+from sim.scene.imports.shapes import coordinates, need_shapely, parts, rounded, shapely, triangles, union
+from sim.scene.map_section import OsmObjects
 from sim.scene.maps import textures
 from sim.scene.maps.imported.grounds import GROUNDS
-from sim.scene.maps.imported.imported_map import ImportedMap
-from sim.scene.maps.imported.osm_buildings import BuildingMaker, Footprint, footprint_of
+from sim.scene.maps.imported.imported_map import ImportedMap, Walk
+from sim.scene.maps.imported.osm_bridges import BridgeMaker, bridge_ends, is_bridge, is_deck, width_m
+from sim.scene.maps.imported.osm_buildings import BuildingMaker, Footprint, footprint_of, is_open
+from sim.scene.maps.imported.osm_objects import ObjectPlacer, Streets
+from sim.scene.maps.imported.osm_occupancy import Occupancy, disc
 from sim.scene.maps.imported.terrain import add_terrain
 from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_lamp, furniture_materials
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.work_progress import progress
 
 Float64 = NDArray[np.float64]
 
 _LIFT_M = 0.03  # of areas over the ground; roads are not solid
 _MARKING_M = 0.02  # of road paint over the road
 _FREE_M = 6.0  # radius of the free ground where the vehicle takes off
-_WOOD_STEP_M, _ROW_STEP_M = 6.0, 8.0
+_WOOD_STEP_M, _ROW_STEP_M = 6.0, 8.0  # with `objects` the first is that of density 1
+_CROWN_M, _TRUNK_M = 2.2, 0.8  # radii that are free of other things and of other crowns, for size 1, with `objects`
 _SMALL_NODES = {  # key, value -> class, height [m], radius [m], material
     ("man_made", "flagpole"): ("pole", 8.0, 0.06), ("man_made", "mast"): ("pole", 20.0, 0.2),
     ("man_made", "chimney"): ("tower", 20.0, 1.0), ("man_made", "water_tower"): ("tower", 25.0, 3.0),
@@ -61,6 +71,7 @@ class OsmOptions:
     seed: int = 1
     ground: str = "auto"  # a material of the ground, or auto
     max_trees: int = 1500
+    objects: OsmObjects | None = None
     classes: Mapping[str, Sequence[str]] | None = None  # patterns of "key=value"
 
 
@@ -90,17 +101,25 @@ def map_of_osm(
     need_shapely(data.source)
     shapes = shapes_of(data, site, options.radius_m)
     if not shapes.areas and not shapes.lines and not shapes.spots:
-        latitude, longitude = data.middle()
-        message = f"has nothing within {options.radius_m:g} m of the site"
-        hint = f"its middle is at latitude_deg: {latitude:.6f}, longitude_deg: {longitude:.6f}"
-        raise ConfigError([Problem(data.source, message, hint)])
+        raise ConfigError([_nothing_shown(data, site, options.radius_m)])
     return _District(data.source, shapes, options, terrain, budget or Budget(data.source)).make()
+
+
+def _nothing_shown(data: OsmData, site: Site, radius_m: float) -> Problem:
+    """Return the problem of an extract without anything round the site, or without anything at all."""
+    latitude, longitude = data.middle()
+    x, y, _ = LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m)
+    if max(abs(x), abs(y)) < radius_m:
+        message = "holds nothing that a map shows: no building, way or area with its tags and nodes"
+        return Problem(data.source, message, "export the district again, whole: osmium extract --bbox W,S,E,N")
+    message = f"has nothing within {radius_m:g} m of the site"
+    return Problem(
+        data.source, message, f"its middle is at latitude_deg: {latitude:.6f}, longitude_deg: {longitude:.6f}"
+    )
 
 
 def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
     """Return latitude and longitude of free ground close to the middle of an extract. Raises ConfigError."""
-    from signals.geodesy import LocalFrame
-
     need_shapely(data.source)
     latitude, longitude = data.middle()
     site = _Place(latitude, longitude)
@@ -109,7 +128,7 @@ def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
     blocked += [
         shapely.LineString(line.points).buffer(1.0)
         for line in shapes.lines
-        if "barrier" in line.tags or line.tags.get("natural") == "tree_row" or "waterway" in line.tags
+        if "barrier" in line.tags or line.tags.get("natural") == "tree_row" or "waterway" in line.tags or is_deck(line)
     ]
     blocked += [shapely.Point(spot.place).buffer(3.0) for spot in shapes.spots if _stands(spot.tags)]
     tree = shapely.STRtree(blocked) if blocked else None
@@ -164,6 +183,11 @@ class _District:
         self._terrain_cells: Any = None
         self._serial = 0
         self._half_m = options.radius_m
+        self._objects = options.objects
+        self._occupied: Occupancy | None = None  # with objects
+        self._decks = [line for line in shapes.lines if is_deck(line) and not osm_tags.is_underground(line.tags)]
+        self._walks: list[Walk] = []
+        self._deck_keys = {line.key for line in self._decks}
 
     def rng(self, name: str) -> RandomGenerator:
         return RandomGenerator(self._options.seed, f"osm.{name}")
@@ -173,11 +197,17 @@ class _District:
         buildings = self._footprints()
         self._built = union(b.polygon for b in buildings) if buildings else shapely.Polygon()
         self._ground(buildings)
+        progress.tell("roads and areas")
         self._surfaces()
         self._buildings(buildings)
+        self._bridges()
         self._barriers()
+        if self._objects is not None:
+            self._occupied = Occupancy(self._blocked(buildings))
         self._plants()
         self._furniture()
+        if self._objects is not None and self._occupied is not None:
+            self._street_life(self._objects, self._occupied)
         self._builder.classify("ground", "ground")
         built = self._builder.build()
         notes = tuple(f"{count} {text}" for text, count in sorted(self._notes.items()))
@@ -186,6 +216,7 @@ class _District:
             self._patterns.unmatched,
             (),
             tuple(sorted(self._names)),
+            tuple(self._walks),
         )
 
     def _class(self, tags: Tags, default: str) -> str:
@@ -233,7 +264,7 @@ class _District:
         areas: dict[tuple[int, str, str], list[Any]] = {}
         for area in self._shapes.areas:
             for level, (key, values, kind, material) in enumerate(osm_tags.AREAS):
-                if kind and area.tags.get(key) in values and not _underground(area.tags):
+                if kind and area.tags.get(key) in values and not osm_tags.is_underground(area.tags):
                     areas.setdefault((level, self._class(area.tags, kind), material), []).append(area.polygon)
             kind, material = _way_area(area.tags)
             if kind:
@@ -259,10 +290,12 @@ class _District:
         found: dict[tuple[int, str, str], list[Any]] = {}
         for line in self._shapes.lines:
             tags = line.tags
-            if _underground(tags) or (line.closed and tags.get("area") == "yes"):
+            if osm_tags.is_underground(tags) or (line.closed and tags.get("area") == "yes"):
                 continue
-            if tags.get("bridge") not in (None, "no") and ("highway" in tags or "railway" in tags):
-                self._notes["bridges lie on the ground"] += 1
+            if line.key in self._deck_keys:
+                continue
+            if is_bridge(tags) and ("highway" in tags or "railway" in tags):
+                self._notes["short bridges lie on the ground"] += 1
             path = shapely.LineString(line.points)
             waterway, highway = tags.get("waterway", ""), tags.get("highway", "")
             if waterway in osm_tags.WATERWAYS_M:
@@ -294,7 +327,9 @@ class _District:
         roads = [
             line
             for line in self._shapes.lines
-            if line.tags.get("highway") in osm_tags.ROADS and not _underground(line.tags)
+            if line.tags.get("highway") in osm_tags.ROADS
+            and not osm_tags.is_underground(line.tags)
+            and line.key not in self._deck_keys
         ]
         for line in roads:
             uses.update(set(line.nodes))
@@ -302,10 +337,12 @@ class _District:
         for line in roads:
             wide, material = osm_tags.ROADS[line.tags["highway"]]
             wide = osm_tags.width_m(line.tags, wide)
+            details = self._objects is not None and not line.closed
             if wide < 5.5 or osm_tags.SURFACES.get(line.tags.get("surface", ""), material) != "asphalt":
                 continue
             if line.tags.get("oneway") == "yes" and wide < 6.5:
                 continue
+            is_oneway = details and line.tags.get("oneway") == "yes"
             path = shapely.intersection(shapely.LineString(line.points), box)
             crossings = [
                 shapely.Point(p).buffer(wide) for p, n in zip(line.points, line.nodes, strict=True) if uses[n] > 1
@@ -314,14 +351,94 @@ class _District:
             if crossings and (inner or len(crossings) > 0):
                 path = path - union(crossings)
             for piece in shapely.get_parts(path).tolist():
-                if piece.geom_type == "LineString" and piece.length > 4.0:
+                if piece.geom_type == "LineString" and piece.length > 4.0 and not is_oneway:
                     corners += _dashes(piece, 3.0, 5.0, 0.06)
-        if corners:
-            body = self._builder.body("marking")
-            quads = np.array(corners)
-            flat = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+            if details:
+                corners += osm_road_details.road_lines(path, line.tags, wide)
+        self._paint("marking", corners, "osm_paint")
+
+    def _paint(self, kind: str, quads: list[list[tuple[float, float]]], material: str) -> None:
+        """Add quads just above the roads as one object."""
+        if quads:
+            corners = np.array(quads)
+            flat = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
             z = self._heights(flat) + _LIFT_M + _MARKING_M
-            self._mesh(body, np.concatenate([flat, z[:, :, None]], axis=2), None, "osm_paint")
+            self._mesh(self._builder.body(kind), np.concatenate([flat, z[:, :, None]], axis=2), None, material)
+
+    # --- bridges, and what `objects` adds ------------------------------------------------------------------------
+
+    def _bridges(self) -> None:
+        box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
+        ends = bridge_ends(self._decks)
+        ways = osm_streets.carriageways(self._shapes, self._deck_keys)
+        maker = BridgeMaker(self._builder, [shape for _, shape in ways], box, self._builder.z)
+        for line in self._decks:
+            highway, surface = line.tags.get("highway", ""), line.tags.get("surface", "")
+            default = (osm_tags.PATHS | osm_tags.ROADS).get(highway, (0.0, "gravel"))[1]
+            kind = "road" if highway in osm_tags.ROADS else "path"
+            first, last = (ends[node] == 1 for node in (line.nodes[0], line.nodes[-1]))
+            material = f"osm_ground_{osm_tags.SURFACES.get(surface, default)}"
+            maker.add(line, self._class(line.tags, kind), material, open_ends=(first, last))
+            self._notes["bridges are decks in the air, without their ramps"] += 1
+
+    def _blocked(self, buildings: list[Footprint]) -> list[Any]:
+        """Return the ground on which no object may be placed."""
+        found = [b.polygon.buffer(0.4) for b in buildings] + osm_streets.barred(self._shapes, self._deck_keys)
+        for spot in self._shapes.spots:
+            if _stands(spot.tags) and spot.tags.get("natural") != "tree":
+                radius = next((r for (k, v), (_, _, r) in _SMALL_NODES.items() if spot.tags.get(k) == v), 0.6)
+                found.append(disc(*spot.place, max(radius, 0.6) + 0.3))
+        return found
+
+    def _street_life(self, options: OsmObjects, occupied: Occupancy) -> None:
+        """Add paint, rails, parked cars and people."""
+        ways = osm_streets.carriageways(self._shapes, self._deck_keys)
+        streets = Streets(self._shapes, ways, osm_streets.junctions(self._shapes))
+        placer = ObjectPlacer(
+            self._builder, streets, options, occupied, terrain=self._terrain, half_m=self._half_m, lift_m=_LIFT_M
+        )
+        within = [
+            bay
+            for area in self._shapes.areas
+            if is_on_ground(area.tags)
+            for bay in bays(area.polygon, area.key)
+            if max(abs(bay.x), abs(bay.y)) < self._half_m - 3.0
+        ]
+        self._paint("marking", osm_road_details.bay_lines(within), "osm_paint")
+        self._paint("crossing", osm_road_details.crossings(self._shapes), "osm_paint")
+        self._rails()
+        placer.cars(self._notes)
+        placer.people(self._notes)
+        self._walks = placer.walks
+
+    def _rails(self) -> None:
+        box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
+        for line in self._shapes.lines:
+            if (
+                not osm_road_details.is_railway(line)
+                or line.key in self._deck_keys
+                or osm_tags.is_underground(line.tags)
+            ):
+                continue
+            path = shapely.intersection(shapely.LineString(line.points), box)
+            self._paint("path", osm_road_details.sleepers(path, line.tags), "osm_concrete")
+            high = 0.02 if line.tags["railway"] == "tram" else 0.14
+            heads = osm_road_details.rails(path, line.tags)
+            self._ridges(self._class(line.tags, "object"), heads, _LIFT_M + high, "osm_steel")
+
+    def _ridges(self, kind: str, quads: list[list[tuple[float, float]]], high_m: float, material: str) -> None:
+        """Add quads at a height over the ground, with sides down to it, as one object."""
+        if not quads:
+            return
+        corners = np.array(quads)
+        z = self._heights(corners)
+        top = np.concatenate([corners, (z + high_m)[:, :, None]], axis=2)
+        foot = np.concatenate([corners, z[:, :, None]], axis=2)
+        faces = [top[:, [0, 1, 2]], top[:, [0, 2, 3]]]
+        for i, j in ((0, 1), (2, 3)):
+            faces.append(np.stack([foot[:, i], foot[:, j], top[:, j]], axis=1))
+            faces.append(np.stack([foot[:, i], top[:, j], top[:, i]], axis=1))
+        self._mesh(self._builder.body(kind), np.concatenate(faces), None, material)
 
     def _flat(self, kind: str, material: str, polygon: Any, tile_m: float, lift_m: float) -> None:
         corners = self._draped(polygon)
@@ -384,7 +501,7 @@ class _District:
         for area in self._shapes.areas:
             if area.tags.get("building:part", "no") != "no" and "building" not in area.tags:
                 details.append(area)
-            elif area.tags.get("building", "no") != "no" and not _underground(area.tags):
+            elif area.tags.get("building", "no") != "no" and not osm_tags.is_underground(area.tags):
                 wholes.append(area)
         found = []
         tree = shapely.STRtree([d.polygon for d in details]) if details else None
@@ -426,11 +543,13 @@ class _District:
         return made
 
     def _buildings(self, footprints: list[Footprint]) -> None:
-        maker = BuildingMaker(self._builder, self._options.seed)
-        for footprint in footprints:
+        walled = [f.polygon for f in footprints if f.base_m == 0.0 and not is_open(f.tags)]
+        maker = BuildingMaker(self._builder, self._options.seed, walled)
+        for number, footprint in enumerate(footprints):
+            progress.tell("buildings", number, len(footprints))
             house = osm_tags.is_house(footprint.tags, footprint.polygon.area)
             middle = footprint.polygon.centroid
-            corners = np.asarray(footprint.polygon.exterior.coords)[:, :2]
+            corners = coordinates(footprint.polygon.exterior)
             ground = self._heights(corners)
             lowest, highest = float(ground.min()), float(ground.max())
             kind = self._class(footprint.tags, "house" if house else "building")
@@ -448,7 +567,7 @@ class _District:
         box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         for line in self._shapes.lines:
             known = osm_tags.BARRIERS.get(line.tags.get("barrier", ""))
-            if known is None or _underground(line.tags):
+            if known is None or osm_tags.is_underground(line.tags):
                 continue
             height, thick, material, kind = known
             height = osm_tags.length_m(line.tags.get("height")) or height
@@ -489,8 +608,10 @@ class _District:
                     p = path.interpolate(min(k * _ROW_STEP_M, path.length))
                     places.append((p.x, p.y, _tree_size(line.tags, rng), line.tags))
         box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
+        options, occupied = self._objects, self._occupied
+        wood_step = _WOOD_STEP_M if options is None else _WOOD_STEP_M / sqrt(options.density)
         clear = union(
-            shapely.LineString(line.points).buffer(3.0)
+            shapely.LineString(line.points).buffer(3.0 if options is None else 0.5 * width_m(line) + 1.5)
             for line in self._shapes.lines
             if line.tags.get("highway") in osm_tags.ROADS or line.tags.get("highway") in osm_tags.PATHS
         )
@@ -502,10 +623,10 @@ class _District:
                 shapely.prepare(within)
                 x0, y0, x1, y1 = within.bounds
                 wood = self.rng(f"wood.{area.key}")
-                for i in range(int((x1 - x0) / _WOOD_STEP_M) + 1):
-                    for j in range(int((y1 - y0) / _WOOD_STEP_M) + 1):
-                        x = x0 + (i + wood.unit()) * _WOOD_STEP_M
-                        y = y0 + (j + wood.unit()) * _WOOD_STEP_M
+                for i in range(int((x1 - x0) / wood_step) + 1):
+                    for j in range(int((y1 - y0) / wood_step) + 1):
+                        x = x0 + (i + wood.unit()) * wood_step
+                        y = y0 + (j + wood.unit()) * wood_step
                         if within.contains(shapely.Point(x, y)):
                             places.append((x, y, wood.between(0.8, 1.4), area.tags))
         half = self._half_m
@@ -518,7 +639,15 @@ class _District:
             self._notes["trees beyond map.max_trees are left out, the farthest first"] += (
                 len(free) - self._options.max_trees
             )
-        for x, y, size, tags in free[: self._options.max_trees]:
+        shown = free[: self._options.max_trees]
+        for number, (x, y, size, tags) in enumerate(shown):
+            progress.tell("trees", number, len(shown))
+            if occupied is not None:
+                is_clear = occupied.is_clear(disc(x, y, _CROWN_M * size))
+                if not is_clear or not occupied.is_free(disc(x, y, _TRUNK_M * size)):
+                    self._notes["trees would stand in something else and are left out"] += 1
+                    continue
+                occupied.take(disc(x, y, _CROWN_M * size))
             add_tree(b, rng, x, y, size=size)
             self._rename_class(tags, "tree")
         for spot in self._shapes.spots:
@@ -563,13 +692,6 @@ class _District:
                 return
 
 
-def _underground(tags: Tags) -> bool:
-    level = tags.get("layer", "0")
-    return tags.get("tunnel", "no") not in ("no",) or tags.get("location") == "underground" or (
-        level.startswith("-") and "waterway" not in tags and tags.get("natural") != "water"
-    )  # fmt: skip
-
-
 def _way_area(tags: Tags) -> tuple[str, str]:
     """Return class and material of an area of a road or path; "" if it is none."""
     highway = tags.get("highway", "")
@@ -611,7 +733,7 @@ def _dashes(path: Any, dash_m: float, gap_m: float, half_m: float) -> list[list[
 
 def _segments(piece: Any, step_m: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """Return the segments of a line, cut to at most `step_m`."""
-    points = [(float(x), float(y)) for x, y in np.asarray(piece.coords)[:, :2]]
+    points = [(x, y) for x, y in coordinates(piece).tolist()]
     found = []
     for (ax, ay), (bx, by) in pairwise(points):
         count = max(1, ceil(sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)) / step_m))

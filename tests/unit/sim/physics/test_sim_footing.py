@@ -123,3 +123,18 @@ def test_a_gltf_file_whose_origin_is_inside_a_house_gets_a_place_beside_it(tmp_p
     assert z == pytest.approx(0.0, abs=0.02)
     assert take_off_problem(bench.scene, bench.vehicle) is None
     assert on_free_ground(bench.scene, bench.vehicle) is bench.scene
+
+
+@pytest.mark.parametrize(("under_m", "is_free"), [(0.8, False), (1.1, False), (2.0, True)])
+def test_a_vehicle_under_something_low_is_refused_and_gets_a_place(
+    tmp_path: Path, under_m: float, is_free: bool
+) -> None:
+    """A lorry or a hollow statue: the vehicle stands below it and could not climb. The place is beside it or on it."""
+    table = f'<geom name="table" type="box" size="1.5 1.5 0.1" pos="0 0 {under_m + 0.1}"/>'
+    scene, vehicle = hill(tmp_path, 0.0, table), load_vehicle("x500")
+    problem = take_off_problem(scene, vehicle)
+    assert (problem is None) == is_free
+    if problem is not None:
+        assert "leaves no room to take off: 'table' is" in problem.message
+        assert problem.place is not None
+        assert take_off_problem(scene, vehicle, FlightStart(ground_W=problem.place)) is None

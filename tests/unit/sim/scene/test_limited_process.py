@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import mujoco
 import pytest
 
+from hil.run.runs.progress import MapProgress
 from signals.errors import ConfigError
 from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle
+from sim.scene import limited_process, work_progress
 from sim.scene.budget import Budget, MapLimits
 from sim.scene.limited_process import limited
 from sim.scene.scene import load_scene
+from sim.scene.work_progress import State
 from sim.world_loader import load_world
 from tests.worlds.one_crate import crate, error_of
+from tests.worlds.patience import PATIENCE_S
+
+EXAMPLES = Path(__file__).parents[4] / "docs" / "examples" / "places"
 
 
 def test_every_map_from_a_file_is_compiled_in_a_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,3 +74,57 @@ def test_processor_time_is_one_limit_for_all_that_is_done() -> None:
     budget = Budget("place.glb", MapLimits(cpu_s=0.5))
     with pytest.raises(ConfigError, match=r"place\.glb: needs more than 0\.5 s of processor time.*HIL_MAP_CPU_S"):
         limited("builtins:sum", range(10**12), budget=budget, what="reading it")
+
+
+def test_progress_is_shown_while_an_import_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The display opens after the patience, hears what the process tells, and is closed with the answer."""
+    heard: list[State] = []
+    titles: list[str] = []
+
+    @contextlib.contextmanager
+    def display(title: str) -> Iterator[Callable[[State], None]]:
+        titles.append(title)
+        yield heard.append
+        titles.append("closed")
+
+    little = Budget("city.glb")
+    assert limited("tests.worlds.told_work:count", 3, 0.0, budget=little, what="making its map") == 3
+    monkeypatch.setattr(work_progress.progress, "display", display)
+    monkeypatch.setattr(limited_process, "_PATIENCE_S", PATIENCE_S)
+    assert limited("tests.worlds.told_work:count", 3, 0.0, budget=little, what="making its map") == 3
+    assert not titles  # too quick to be shown
+    monkeypatch.setattr(limited_process, "_PATIENCE_S", 0.0)
+    assert limited("tests.worlds.told_work:count", 5, 0.4, budget=little, what="making its map") == 5
+    assert titles == ["city.glb", "closed"]
+    told = [state for state in heard if state.total]
+    assert {state.total for state in told} == {5}
+    assert [state.done for state in told] == sorted(state.done for state in told)
+    assert {state for state in heard if not state.total} <= {State("making its map")}  # before the first is told
+    heard.clear()
+    limited("time:sleep", 0.6, budget=little, what="MuJoCo's compiler")
+    assert set(heard) == {State("MuJoCo's compiler")}
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_bar_of_an_import_is_for_terminals_only(is_terminal: bool) -> None:
+    class Stream(io.StringIO):
+        def isatty(self) -> bool:
+            return is_terminal
+
+    stream = Stream()
+    with MapProgress("city.glb", stream=stream) as bar:
+        bar.show(State("objects", 120, 370))
+        bar.show(State("MuJoCo's compiler"))
+    assert ("120 of 370 objects" in stream.getvalue()) == is_terminal
+    assert ("MuJoCo's compiler" in stream.getvalue()) == is_terminal
+    assert is_terminal or not stream.getvalue()
+
+
+def test_a_geotiff_writes_no_warnings_of_its_library(tmp_path: Path) -> None:
+    """libtiff warns of the tags of GeoTIFF on the process's own stderr."""
+    path = tmp_path / "alp.tif"
+    path.write_bytes((EXAMPLES / "alp.tif").read_bytes())
+    command = [sys.executable, "-m", "hil.cli", "check", "--scene", str(path)]
+    done = subprocess.run(command, cwd=EXAMPLES.parents[2], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "TIFF" not in done.stdout

@@ -114,10 +114,10 @@ def test_unknown_commands_are_left_to_the_autopilot() -> None:
         (plan(at(altitude=0, command=22)), "m.plan:3: item 1 (take-off) goes to 0 m above home: it must climb"),
         (plan(at(48.5)),
          "m.plan:3: item 1 (waypoint) is 123 km from the scene's site at 47.39774, 8.54559; at most 100 km are accepted"
-         " (is it the mission for this scene?)"),
+         " (name the mission of this place with --mission, or fly none: --set mission=null)"),
         (plan(at(), at(48.5), at(48.6), at(48.7)),
          "m.plan:4: item 2 (waypoint) is 123 km from the scene's site at 47.39774, 8.54559; at most 100 km are accepted"
-         ", and so are 2 items more (is it the mission for this scene?)"),
+         ", and so are 2 items more (name the mission of this place with --mission, or fly none: --set mission=null)"),
         (plan(at(), item(frame=1)),
          "m.plan:4: item 2 has the coordinate frame 1, which missions do not use"
          " (known: 0 above sea level, 3 above home, 10 above terrain, 2 no position)"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy  # loads its packages when they are first used
 
+from sim.scene.imports import contact_pieces as module
 from sim.scene.imports.contact_pieces import Pieces, contact_pieces
 from tests.worlds.glb_file import box, joined
 
@@ -142,13 +143,43 @@ def test_a_house_that_is_open_elsewhere_stays_open(side: str) -> None:
     check(closed[~missing.all(axis=1)], pieces)
 
 
-def test_walls_beyond_the_budget_are_covered_by_a_coarser_grid() -> None:
-    """A bent wall of 1,400 square metres: at the stated error half a million boxes would be made first."""
+def bent_wall(scale: float = 1.0) -> np.ndarray:
+    """Return a wall of 80 flat parts, 1,400 square metres."""
     x = np.linspace(0.0, 160.0, 81)
     y = 3.0 * np.sin(0.9 * np.arange(81))
     low, high = np.column_stack([x, y, 0 * x]), np.column_stack([x, y, 0 * x + 6.0])
-    corners = np.concatenate([np.stack([low[:-1], low[1:], high[:-1]], 1), np.stack([high[:-1], low[1:], high[1:]], 1)])
-    pieces = contact_pieces(corners, error_m=0.05, max_pieces=30, up=np.array([0.0, 1.0, 0.0]))
+    corners = [np.stack([low[:-1], low[1:], high[:-1]], 1), np.stack([high[:-1], low[1:], high[1:]], 1)]
+    return scale * np.concatenate(corners)
+
+
+def test_walls_beyond_the_budget_are_covered_by_a_coarser_grid() -> None:
+    """At the stated error half a million boxes would be made first."""
+    corners = bent_wall()
+    pieces = contact_pieces(corners, error_m=0.05, max_pieces=15, up=np.array([0.0, 1.0, 0.0]))
     assert pieces.error_m > 0.05
     seen, hulls = samples(corners[::5], 0.5), hulls_of(pieces)
     assert all(any(((p >= h.min(axis=0) - 1e-6) & (p <= h.max(axis=0) + 1e-6)).all() for h in hulls) for p in seen)
+
+
+def test_wide_walls_stay_as_they_are_where_a_grid_would_not_save_pieces() -> None:
+    corners = bent_wall()
+    pieces = contact_pieces(corners, error_m=0.2, max_pieces=30, up=np.array([0.0, 1.0, 0.0]))
+    assert (pieces.error_m, pieces.count) == (0.2, 78)
+    check(corners, pieces)
+
+
+@pytest.mark.parametrize("scale", [1.0, 5.0, 25.0])
+def test_the_grid_does_not_grow_with_the_area(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the last of five steps, any number of boxes was made: minutes for a city at five times its size."""
+    made = []
+    original = module._grid_boxes
+
+    def counted(corners: np.ndarray, cell_m: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        boxes = original(corners, cell_m)
+        made.append(len(boxes))
+        return boxes
+
+    monkeypatch.setattr(module, "_grid_boxes", counted)
+    pieces = contact_pieces(bent_wall(scale), error_m=0.2, max_pieces=15, up=np.array([0.0, 1.0, 0.0]))
+    assert pieces.count <= 15
+    assert max(made) <= 4 * 15

@@ -97,7 +97,11 @@ def test_a_quarter_on_a_slope(tmp_path: Path) -> None:
             slope_tiff()[:2] + slope_tiff()[2:].replace(struct.pack("<H", 33550), struct.pack("<H", 33551)),
             "has no place on Earth",
         ),
-        (geotiff(np.zeros((4, 4)), (0.0, 1.0), (0.1, 0.1), 4326), "has no height at the take-off place"),
+        (
+            geotiff(np.zeros((4, 4)), (0.0, 1.0), (0.1, 0.1), 4326),
+            "has no height at the take-off place, latitude 47.397742, longitude 8.545594 "
+            "(its middle is at latitude_deg: 0.850000, longitude_deg: 0.150000)",
+        ),
     ],
 )
 def test_bad_files_have_named_errors(data: bytes, message: str, tmp_path: Path) -> None:

@@ -365,3 +365,29 @@ def test_damaged_files_raise_nothing_but_named_errors(tmp_path: Path) -> None:
         (tmp_path / "place.glb").write_bytes(data)
         with contextlib.suppress(ConfigError):
             gltf_map.map_of_gltf(gltf_file.read_gltf(tmp_path / "place.glb"), gltf_map.GltfOptions())
+
+
+@pytest.mark.parametrize(
+    ("grown", "moved", "section", "hint"),
+    [
+        (1e7, (0.0, 0.0, 0.0), "scale: 0.0001", "set map.scale: 0.0001"),
+        (1.0, (60e3, 3.0, 70e3), "origin_m: [60000.0, -70000.0, 2.5]", "set map.origin_m: [60000.0, -70000.0, 2.5]"),
+        (1.0, (1e6, 0.0, 5e6), "", "move the model to the origin of its file"),
+    ],
+)
+def test_the_remedy_for_a_model_out_of_reach_works(
+    grown: float, moved: tuple[float, ...], section: str, hint: str, tmp_path: Path
+) -> None:
+    file = GlbFile()
+    vertex, triangle, _ = box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
+    file.node("far", file.mesh("far", (grown * vertex + np.array(moved), triangle, None, None)))
+    (tmp_path / "place.glb").write_bytes(file.glb())
+    with pytest.raises(ConfigError, match=re.escape(hint)):
+        load_world(load_scene(tmp_path / "place.glb"))
+    if section:
+        (tmp_path / "scene.yaml").write_text(
+            "name: place\ndescription: A place\nground_friction: 0.8\n"
+            "site: {latitude_deg: 47.0, longitude_deg: 8.0, altitude_m: 400.0}\n"
+            f"map: {{gltf: place.glb, {section}}}\n"
+        )
+        load_world(load_scene(tmp_path / "scene.yaml"))
