@@ -59,9 +59,9 @@ class Digest:
 
     def truth(self, truth: TruthState) -> None:
         """Hash the true state, which begins a tick."""
-        rotors = truth.rotor_speed_radps
+        tick, t_ns, p_WB, q_WB, v_WB_W, w_WB_B, a_WB_W, alpha_WB_B, rotors, in_contact, surfaces = truth
         n = len(rotors)
-        counts = (n, len(truth.surface_rad))
+        counts = (n, len(surfaces))
         if counts != self._counts:
             self._counts, self._layout = counts, self._layout_for(*counts)
         layout = self._layout
@@ -69,18 +69,18 @@ class Digest:
             layout.pack(
                 b"T",
                 layout.size - 5,
-                truth.tick,
-                truth.t_ns,
-                *truth.p_WB,
-                *truth.q_WB,
-                *truth.v_WB_W,
-                *truth.w_WB_B,
-                *truth.a_WB_W,
-                *truth.alpha_WB_B,
+                tick,
+                t_ns,
+                *p_WB,
+                *q_WB,
+                *v_WB_W,
+                *w_WB_B,
+                *a_WB_W,
+                *alpha_WB_B,
                 n,
                 *rotors,
-                truth.in_contact,
-                *truth.surface_rad,
+                in_contact,
+                *surfaces,
             )
         )
         if len(self._pending) > 64:

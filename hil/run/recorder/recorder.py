@@ -144,7 +144,6 @@ class Recorder:
         self._mcap: McapSink | None = None
         self._mcap_recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
-        self._wires: list[WireTap] = [tap for tap in taps if hasattr(tap, "sent")]  # type: ignore[misc]
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
         if mcap is True:
@@ -159,6 +158,8 @@ class Recorder:
             self._sinks.append(self._mcap)
         if tlog:
             self._sinks.append(TlogSink(SafeFile(out_dir / TLOG_NAME, open_file)))
+        wires: list[WireTap] = [tap for tap in taps if hasattr(tap, "sent")]  # type: ignore[misc]
+        self._wire_receivers: tuple[WireTap, ...] = (*self._sinks, *wires)
         self._period_ns = min(_FLUSH_NS, _FLUSH_TICKS * tick_ns)
         self._flush_ns = self._period_ns
 
@@ -171,9 +172,8 @@ class Recorder:
         """Begin a tick. If writing the earlier ticks fails, this tick is recorded before the error is raised."""
         t_ns = truth.t_ns
         failure: RecordingError | None = None
-        if t_ns >= self._flush_ns or (
-            self._mcap and (self._mcap.pending_frames > _FLUSH_FRAMES or self._mcap.pending_bytes > _FLUSH_BYTES)
-        ):
+        mcap = self._mcap
+        if t_ns >= self._flush_ns or (mcap and mcap.holds(_FLUSH_FRAMES, _FLUSH_BYTES)):
             self._flush_ns = t_ns + self._period_ns
             try:
                 self.flush()
@@ -182,8 +182,8 @@ class Recorder:
         self._tick = truth.tick
         self._digest.truth(truth)
         self.track.truth(truth)
-        if self._mcap:
-            self._mcap.truth(truth)
+        if mcap:
+            mcap.truth(truth)
         if failure:
             raise failure
 
@@ -224,21 +224,22 @@ class Recorder:
         """Record the bytes sent to the autopilot in this tick, any number of frames."""
         del tick
         self._digest.sent(data)
-        if (self._sinks or self._wires) and data:
+        if self._wire_receivers and data:
             pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # contains the key
-            for sink in (*self._sinks, *self._wires):
-                sink.sent(t_ns, pieces)
+            for receiver in self._wire_receivers:
+                receiver.sent(t_ns, pieces)
 
     def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record the frames received from the autopilot in this tick."""
         del tick
         self._digest.received(frames)
-        self.routed(t_ns, [frame for frame in frames if frame.msgid != SETUP_SIGNING])
+        if self._wire_receivers:
+            self.routed(t_ns, [frame for frame in frames if frame.msgid != SETUP_SIGNING])
 
     def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record frames that the router passed between its clients. They are not part of the digest."""
-        for sink in (*self._sinks, *self._wires):
-            sink.received(t_ns, frames)
+        for receiver in self._wire_receivers:
+            receiver.received(t_ns, frames)
 
     def actuators(self, frame: ActuatorFrame) -> None:
         """Record the command that the physics uses in the next tick."""
