@@ -182,11 +182,8 @@ class FrameParser:
             else:
                 self._count_gap(sender, seq)
             missing = shape[2] - length
-            if missing > 0:
-                payload = data[body:crc_at] + _ZEROS[:missing]
-            else:
-                # A newer sender may have more extension fields than are known here; they are ignored.
-                payload = data[body : crc_at + missing]
+            # A newer sender may have more extension fields than are known here; they are ignored.
+            payload = data[body:crc_at] + _ZEROS[:missing] if missing > 0 else data[body : crc_at + missing]
             found.append(_new_frame(Frame, (msgid, sysid, compid, seq, payload, data[pos:end])))
             pos = end
         self.frames += len(found)
@@ -282,8 +279,9 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
     if NO_FRAME not in dict(pieces):
         return pieces
     joined: list[tuple[int, bytes]] = []
-    for stray, group in groupby(pieces, key=lambda piece: piece[0] == NO_FRAME):
-        joined += [(NO_FRAME, b"".join(unit for _, unit in group))] if stray else group
+    for is_stray, group in groupby(pieces, key=lambda piece: piece[0] == NO_FRAME):
+        units = list(group)
+        joined += [(NO_FRAME, b"".join(unit for _, unit in units))] if is_stray else units
     return joined
 
 

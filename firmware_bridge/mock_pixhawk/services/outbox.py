@@ -23,8 +23,11 @@ class Outbox:
     """Messages in order. While `holding`, nothing is taken out and the oldest beyond `LIMIT` are dropped."""
 
     def __init__(self, encoder: FrameEncoder) -> None:
-        self._encoder = encoder
         self._waiting: list[bytes] = []
+        # Encodes the next frame: it has a sequence number, so the caller must write it.
+        self.frame = encoder.frame
+        # Appends bytes that must not be dropped: a reply to the bench.
+        self.push = self._waiting.append
         self._text_id = 0
         self.holding = True
         self.dropped = 0
@@ -32,20 +35,12 @@ class Outbox:
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    def frame(self, msgid: int, payload: bytes) -> bytes:
-        """Encode the next frame. It has a sequence number, so the caller must write it."""
-        return self._encoder.frame(msgid, payload)
-
-    def push(self, data: bytes) -> None:
-        """Append bytes that must not be dropped: a reply to the bench."""
-        self._waiting.append(data)
-
     def send_payload(self, msgid: int, payload: bytes) -> None:
         """Append a message with a packed payload."""
         if self.holding and len(self._waiting) >= LIMIT:
             del self._waiting[0]
             self.dropped += 1
-        self._waiting.append(self._encoder.frame(msgid, payload))
+        self._waiting.append(self.frame(msgid, payload))
 
     def send(self, message: Any) -> None:
         """Append a message."""

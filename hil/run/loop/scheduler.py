@@ -15,10 +15,10 @@
     8 latch      validate and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
 Overlap. From the reply to the next send the autopilot waits for the bench, so that only phases 1 to 5 lie there, and
-nothing in them can be done earlier: the physics needs the reply, the IMU the physics. Phase 6 and the statistics of
-the ticks before run while the autopilot computes its reply, and feed nothing back into tick k. While bench and autopilot share
-one processor (`record_first`), phase 6 runs before phase 5 instead, except that the bytes sent are recorded after it:
-the processor is the autopilot's during the wait. What arrives in phase 7 is recorded in phase 6 of tick k+1, or by
+nothing in them can be done earlier: the physics needs the reply, the IMU the physics. Phase 6 and the statistics of the
+ticks before run while the autopilot computes its reply, and feed nothing back into tick k. While bench and autopilot
+share one processor (`record_first`), phase 6 runs before phase 5 instead, except that the bytes sent are recorded after
+it: the processor is the autopilot's during the wait. What arrives in phase 7 is recorded in phase 6 of tick k+1, or by
 `flush`. The order of the messages in the recording is the same in all cases.
 
 Free-running autopilots do not wait for the bench. The link's `begin` then starts each tick at its wall-clock time and
@@ -37,6 +37,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
+
+import numpy as np
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -96,14 +98,15 @@ class Exchange(Protocol):
 class SensorSlot:
     """A sensor with its rate on the tick and its sample count."""
 
-    __slots__ = ("after_send", "due", "durations_ns", "port", "sample", "samples", "timing")
+    __slots__ = ("after_send", "durations_ns", "idle", "port", "rate", "sample", "samples", "timing")
 
     def __init__(self, sensor: Sensor, rate: RateAccumulator, *, after_send: bool = False) -> None:
         """`after_send`: sampled while the autopilot computes, because the autopilot does not receive its samples."""
         self.after_send = after_send
         self.port = sensor.name
         self.sample = sensor.sample
-        self.due = rate.due
+        self.rate = rate
+        self.idle = 0  # coming ticks on which it is not due
         self.samples = 0
         self.durations_ns: list[int] = []  # not yet in `timing`
         self.timing = LatencyHistogram()
@@ -191,7 +194,7 @@ class Scheduler:
         self.actuators = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
         self._frames: list[Frame] = []  # received in the tick before
         self._replied_at_ns = 0  # 0: no reply yet, or the autopilot does not wait
-        self._durations_ns: list[tuple[int, ...]] = []  # of ticks that are not yet in the statistics
+        self._clocks_ns: list[tuple[int, ...]] = []  # of ticks that are not yet in the statistics
         self._turnarounds_ns: list[int] = []  # likewise
         self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
         # State of the present tick, kept from one of its phases to the next.
@@ -270,7 +273,8 @@ class Scheduler:
         send_start = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
-        self._sent = self._link.send(tick, t_ns, *newest, commands, others)
+        imu, mag, baro, gps = newest
+        self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, others)
         self._marks_ns = (began_ns, t1, t2, t3, send_start, clock())
 
     def work(self) -> None:
@@ -284,7 +288,7 @@ class Scheduler:
         self._recorder.sent(self.tick, truth.t_ns, self._sent)
         if self._exchanges and not self._recorded:
             self._exchange_all(truth, released)
-        if len(self._durations_ns) >= _COUNTED_TICKS:
+        if len(self._clocks_ns) >= _COUNTED_TICKS:
             self.count_durations()
         if self._replied_at_ns:
             self._turnarounds_ns.append(self._marks_ns[-1] - self._replied_at_ns)
@@ -293,7 +297,6 @@ class Scheduler:
         """Wait for the reply of the autopilot, which moves the vehicle in the next tick: phases 7 and 8."""
         clock = time.perf_counter_ns
         tick = self.tick
-        t0, t1, t2, t3, send_start, t4 = self._marks_ns
         t5 = clock()
         if tick % _OWN_EVERY_TICKS == 0:
             self.own_ns.add(time.thread_time_ns() - self._own_start_ns)
@@ -310,17 +313,17 @@ class Scheduler:
             self.actuators = actuators
         self.tick = tick + 1
 
-        frames_ns, companion_ns = self._frames_ns, self._companion_ns
-        record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
-        phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
-        self._durations_ns.append((t6 - t0, *phases_ns))
+        self._clocks_ns.append((*self._marks_ns, t5, t6, self._frames_ns, self._companion_ns))
         if actuators is not None and self._tick_wall_ns is None:
             self._replied_at_ns = t6
 
     def count_durations(self) -> None:
         """Add the durations of the ticks so far to the statistics; call it before they are read."""
-        rows, self._durations_ns = self._durations_ns, []
-        for histogram, durations_ns in zip(self._histograms, zip(*rows, strict=True), strict=bool(rows)):
+        rows, self._clocks_ns = self._clocks_ns, []
+        t0, t1, t2, t3, send_start, t4, t5, t6, frames_ns, companion_ns = np.array(rows, np.int64).reshape(-1, 10).T
+        record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
+        phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
+        for histogram, durations_ns in zip(self._histograms, (t6 - t0, *phases_ns), strict=True):
             histogram.add_all(durations_ns)
         self.turnaround_ns.add_all(self._turnarounds_ns)
         self._turnarounds_ns.clear()
@@ -332,7 +335,10 @@ class Scheduler:
         """Sample each sensor that is due. `before_ns`: wall clock at the start. Return the wall clock at the end."""
         clock, queue = time.perf_counter_ns, self._queue
         for slot in slots:
-            if slot.due():
+            if slot.idle:
+                slot.idle -= 1
+            else:
+                slot.idle = slot.rate.idle_ticks()
                 sample = slot.sample(truth, slot.samples)
                 slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
                 if sample is not None:

@@ -210,7 +210,7 @@ class McapSink:
         self._detections: dict[str, DetectionSeries] = {}
 
     def holds(self, frames: int, picture_bytes: int) -> bool:
-        """Return True if it holds more MAVLink frames, or pictures and point clouds of more bytes, since the last flush."""
+        """Return True if it holds more MAVLink frames than this, or more bytes of pictures and point clouds."""
         if len(self._sent.frames) + len(self._received.frames) > frames:
             return True
         return bool(self._frames) and self.pending_bytes > picture_bytes
