@@ -55,29 +55,6 @@ class Frame(NamedTuple):
 _new_frame = tuple.__new__  # without the calls of `Frame(...)`
 
 
-def _claim(data: bytes, pos: int) -> tuple[int, int, int]:
-    """Return (message id, end of the payload, end of the frame) from the complete header at `pos`.
-
-    The id is `NO_FRAME` if a MAVLink 2 header has unknown incompatibility flags: the standard demands that such frames
-    are dropped.
-    """
-    if data[pos] == _V1:
-        length, _, _, _, msgid = _read_v1(data, pos)
-        return msgid, pos + 6 + length, pos + 6 + length + _CRC_LENGTH
-    length, incompat, _, _, _, low, high = _read_v2(data, pos)
-    crc_at = pos + 10 + length
-    if not incompat:
-        return low | high << 16, crc_at, crc_at + _CRC_LENGTH
-    if incompat & ~_SIGNED:
-        return NO_FRAME, crc_at, crc_at
-    return low | high << 16, crc_at, crc_at + _CRC_LENGTH + _SIGNATURE_LENGTH
-
-
-def _checksum_fits(data: bytes, pos: int, crc_at: int, msgid: int) -> bool:
-    crc = mcrf4xx(data[pos + 1 : crc_at] + _EXTRA_BYTE[msgid])
-    return crc == data[crc_at] | data[crc_at + 1] << 8
-
-
 class FrameParser:
     """Incremental parser of one byte stream.
 
@@ -185,8 +162,8 @@ class FrameParser:
             # A newer sender may have more extension fields than are known here; they are ignored.
             payload = data[body:crc_at] + _ZEROS[:missing] if missing > 0 else data[body : crc_at + missing]
             found.append(_new_frame(Frame, (msgid, sysid, compid, seq, payload, data[pos:end])))
+            self.frames += 1
             pos = end
-        self.frames += len(found)
         return found, pos
 
     def _count_gap(self, sender: int, seq: int) -> None:
@@ -239,20 +216,32 @@ def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
     found: list[tuple[int, bytes]] = []
     pos, size = 0, len(data)
     while pos < size:
-        header = _HEADER_LENGTH.get(data[pos])
+        magic = data[pos]
+        header = _HEADER_LENGTH.get(magic)
         if header is None:
             match = _start_byte(data, pos)
             to = match.start() if match else size
             found += [(NO_FRAME, data[i : i + 1]) for i in range(pos, to)]
             pos = to
             continue
+        body = pos + header
         msgid, end = NO_FRAME, size + 1  # needs more bytes
-        if pos + header <= size:
-            msgid, crc_at, end = _claim(data, pos)
-            if end <= size and msgid in SHAPES and not _checksum_fits(data, pos, crc_at, msgid):
+        if body <= size:
+            if magic == _V2:
+                length, incompat, _, _, _, low, high = _read_v2(data, pos)
+                msgid = low | high << 16
+            else:
+                length, _, _, _, msgid = _read_v1(data, pos)
+                incompat = 0
+            crc_at = body + length
+            end = crc_at + (_CRC_LENGTH + _SIGNATURE_LENGTH if incompat else _CRC_LENGTH)
+            extra_byte = _EXTRA_BYTE.get(msgid)
+            if incompat & ~_SIGNED or (
+                end <= size
+                and extra_byte is not None
+                and mcrf4xx(data[pos + 1 : crc_at] + extra_byte) != data[crc_at] | data[crc_at + 1] << 8
+            ):
                 msgid, end = NO_FRAME, pos + 1
-            elif msgid == NO_FRAME:
-                end = pos + 1
         if end > size:
             if not last:
                 break

@@ -290,7 +290,7 @@ class LockstepLink(AutopilotLink):
         if frames:
             self._held = []
         else:
-            frames = self._feed(_SLICE_S)
+            frames = self._parser.feed(self._read(_SLICE_S))
         deadline_ns = 0
         while True:
             answer = self._find_answer(frames, want_us)

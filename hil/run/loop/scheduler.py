@@ -32,10 +32,10 @@ recording is complete up to the failure.
 
 from __future__ import annotations
 
-import heapq
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from typing import Any, Protocol
 
 import numpy as np
@@ -116,22 +116,22 @@ class ReleaseQueue:
     """Holds captured samples until they are available. The order (t_available_ns, port, seq) is total."""
 
     def __init__(self) -> None:
-        self._heap: list[tuple[int, str, int, Sample]] = []
+        self.heap: list[tuple[int, str, int, Sample]] = []
 
     def push(self, port: str, sample: Sample) -> None:
-        heapq.heappush(self._heap, (sample.t_available_ns, port, sample.seq, sample))
+        heappush(self.heap, (sample.t_available_ns, port, sample.seq, sample))
 
     def release(self, t_ns: int) -> list[tuple[str, Sample]]:
         """Remove and return every sample with t_available_ns <= t_ns, in release order."""
-        heap = self._heap
+        heap = self.heap
         released = []
         while heap and heap[0][0] <= t_ns:
-            _, port, _, sample = heapq.heappop(heap)
+            _, port, _, sample = heappop(heap)
             released.append((port, sample))
         return released
 
     def __len__(self) -> int:
-        return len(self._heap)
+        return len(self.heap)
 
 
 @dataclass(frozen=True)
@@ -333,7 +333,7 @@ class Scheduler:
 
     def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before_ns: int) -> int:
         """Sample each sensor that is due. `before_ns`: wall clock at the start. Return the wall clock at the end."""
-        clock, queue = time.perf_counter_ns, self._queue
+        clock, heap = time.perf_counter_ns, self._queue.heap
         for slot in slots:
             if slot.idle:
                 slot.idle -= 1
@@ -342,7 +342,7 @@ class Scheduler:
                 sample = slot.sample(truth, slot.samples)
                 slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
                 if sample is not None:
-                    queue.push(slot.port, sample)
+                    heappush(heap, (sample.t_available_ns, slot.port, sample.seq, sample))
                 after_ns = clock()
                 slot.durations_ns.append(after_ns - before_ns)
                 before_ns = after_ns

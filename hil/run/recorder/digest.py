@@ -83,9 +83,6 @@ class Digest:
                 *surfaces,
             )
         )
-        if len(self._pending) > 64:
-            self._hash.update(b"".join(self._pending))
-            self._pending.clear()
 
     def sent(self, data: bytes) -> None:
         """Hash the bytes sent in one tick."""
@@ -108,17 +105,18 @@ class Digest:
             heads.append(f"{name}\0{array.dtype.str}\0".encode() + shape)
             arrays.append(array)
         self._pending += (_HEAD.pack(b"F", sum(map(len, heads)) + sum(a.nbytes for a in arrays)), heads[0])
-        self._update_hash()
+        self.update()
         for head, array in zip(heads[1:], arrays, strict=True):
             self._hash.update(head)
             self._hash.update(np.ascontiguousarray(array).data)
 
     def hexdigest(self) -> str:
         """Return the digest of everything so far, 64 hexadecimal digits."""
-        self._update_hash()
+        self.update()
         return self._hash.hexdigest()
 
-    def _update_hash(self) -> None:
+    def update(self) -> None:
+        """Hash what waits in memory; call it now and then."""
         if self._pending:
             self._hash.update(b"".join(self._pending))
             self._pending.clear()

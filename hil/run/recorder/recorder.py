@@ -255,16 +255,22 @@ class Recorder:
             elif what == _SENT:
                 digest.sent(data)
                 if receivers and data:
-                    pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # contains the key
+                    pieces = split_frames(data)
+                    if SETUP_SIGNING in dict(pieces):  # contains the key
+                        pieces = [piece for piece in pieces if piece[0] != SETUP_SIGNING]
                     for receiver in receivers:
                         receiver.sent(t_ns, pieces)
             else:
                 digest.received(data)
                 if receivers:
-                    frames = [frame for frame in data if frame.msgid != SETUP_SIGNING]
+                    for frame in data:
+                        if frame.msgid == SETUP_SIGNING:
+                            data = [frame for frame in data if frame.msgid != SETUP_SIGNING]
+                            break
                     for receiver in receivers:
-                        receiver.received(t_ns, frames)
+                        receiver.received(t_ns, data)
         self._log.clear()
+        digest.update()
 
     def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record frames that the router passed between its clients. They are not part of the digest."""

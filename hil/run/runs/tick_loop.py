@@ -41,20 +41,15 @@ class Flight:
         self._until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
         self._after_ticks = _AFTER_DISARM_NS // config.tick_ns
         self._armed_tick: int | None = None
-        self._scheduler = run.scheduler
-        self._before_hooks = [part.before_tick for part in _overriding(run, "before_tick")]
+        self.scheduler = run.scheduler
+        self.before_hooks = [part.before_tick for part in _overriding(run, "before_tick")]
         self._after_hooks = [(part.every_ticks, part.after_tick) for part in _overriding(run, "after_tick")]
         self._end_checks = [(part.every_ticks, part.ended) for part in _overriding(run, "ended")]
-
-    @property
-    def tick(self) -> int:
-        """The next tick to run."""
-        return self._scheduler.tick
 
     def before_tick(self) -> None:
         """Call the parts before a tick. Raises VehicleFailed if the vehicle has a name."""
         try:
-            for before_tick in self._before_hooks:
+            for before_tick in self.before_hooks:
                 before_tick()
         except Exception as error:  # noqa: BLE001 (a defect of a part, too, is that of its vehicle)
             self._fail(error)
@@ -62,17 +57,17 @@ class Flight:
     def step(self) -> bool:
         """Run one tick. Return False if the autopilot has rebooted instead, and the vehicle is back at its start."""
         try:
-            self._scheduler.step()
+            self.scheduler.step()
         except RestartRequested:
             physics: Any = self.run.physics
             physics.restart()  # simulated time goes on
-            self._scheduler.skip_tick()
+            self.scheduler.skip_tick()
             return False
         return True
 
     def after_tick(self) -> None:
         """Call the parts after a tick, and set `over` if the flight has ended. Raises as `before_tick`."""
-        scheduler = self._scheduler
+        scheduler = self.scheduler
         tick = scheduler.tick
         try:
             for period, after_tick in self._after_hooks:
@@ -129,12 +124,14 @@ def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool
             tick = 0
             while flying and tick < end_tick:
                 for flight in flying:
-                    flight.before_tick()
+                    if flight.before_hooks:
+                        flight.before_tick()
                 stepped = step()
-                tick = flying[0].tick
+                tick = flying[0].scheduler.tick
                 if not stepped:
                     continue
-                progress.tick(tick)
+                if not quiet:
+                    progress.tick(tick)
                 some_over = False
                 for flight in flying:
                     flight.after_tick()

@@ -235,14 +235,14 @@ class McapSink:
 
     def sample(self, port: str, sample: Sample) -> None:
         """Record a sample released on `port`."""
-        if isinstance(sample, FRAME_SAMPLES):
-            frames = self._frames.get(port)
-            if frames is None:
-                frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
-            frames.add(sample, self._now_ns)
-            return
         series = self._samples.get(port)
         if series is None:
+            if isinstance(sample, FRAME_SAMPLES):
+                frames = self._frames.get(port)
+                if frames is None:
+                    frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
+                frames.add(sample, self._now_ns)
+                return
             topics = SAMPLE_TOPICS.get(type(sample))
             if topics is None:
                 known = ", ".join(kind.__name__ for kind in SAMPLE_TOPICS)
