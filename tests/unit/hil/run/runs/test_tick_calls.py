@@ -1,4 +1,4 @@
-"""What a tick of the default flight costs, counted in calls: a load on the machine cannot change this number."""
+"""Cost of a tick of the default flight, counted in calls: load on the machine cannot change this number."""
 
 from __future__ import annotations
 
