@@ -45,6 +45,16 @@ class RateAccumulator:
         self._den = tick_millihz
         self._acc = tick_millihz  # tick 0 is due
 
+    def idle_ticks(self) -> int:
+        """Advance from a tick on which the event is due to the next; return how many ticks between them are not due."""
+        num, den = self._num, self._den
+        if num == den:  # on every tick
+            return 0
+        acc = self._acc + num - den
+        idle = max(0, -((acc - den) // num))
+        self._acc = acc + idle * num
+        return idle
+
     def due(self) -> bool:
         """Advance by one tick; return True if the event is due on it. Call exactly once per tick."""
         if self._acc >= self._den:

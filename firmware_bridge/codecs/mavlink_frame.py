@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from typing import NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
@@ -32,6 +33,8 @@ _ZEROS = bytes(256)
 _EXTRA_BYTE = {msgid: bytes((shape.crc_extra,)) for msgid, shape in SHAPES.items()}
 _start_byte = re.compile(b"[\xfd\xfe]").search
 _header_v2 = struct.Struct("<BBBBBBBHB").pack
+_read_v2 = struct.Struct("<xBBxBBBHB").unpack_from  # length, incompat, seq, sysid, compid, low and high bits of msgid
+_read_v1 = struct.Struct("<xBBBBB").unpack_from  # length, seq, sysid, compid, msgid
 _crc_bytes = struct.Struct("<H").pack
 
 
@@ -49,31 +52,7 @@ class Frame(NamedTuple):
     raw: bytes
 
 
-_make_frame = Frame._make
-
-
-def _claim(data: bytes, pos: int) -> tuple[int, int, int]:
-    """Return (message id, end of the payload, end of the frame) from the complete header at `pos`.
-
-    The id is `NO_FRAME` if a MAVLink 2 header has unknown incompatibility flags: the standard demands that such frames
-    are dropped.
-    """
-    if data[pos] == _V2:
-        incompat = data[pos + 2]
-        crc_at = pos + 10 + data[pos + 1]
-        if not incompat:
-            return data[pos + 7] | data[pos + 8] << 8 | data[pos + 9] << 16, crc_at, crc_at + _CRC_LENGTH
-        if incompat & ~_SIGNED:
-            return NO_FRAME, crc_at, crc_at
-        msgid = data[pos + 7] | data[pos + 8] << 8 | data[pos + 9] << 16
-        return msgid, crc_at, crc_at + _CRC_LENGTH + _SIGNATURE_LENGTH
-    crc_at = pos + 6 + data[pos + 1]
-    return data[pos + 5], crc_at, crc_at + _CRC_LENGTH
-
-
-def _checksum_fits(data: bytes, pos: int, crc_at: int, msgid: int) -> bool:
-    crc = mcrf4xx(data[pos + 1 : crc_at] + _EXTRA_BYTE[msgid])
-    return crc == data[crc_at] | data[crc_at + 1] << 8
+_new_frame = tuple.__new__  # without the calls of `Frame(...)`
 
 
 class FrameParser:
@@ -132,20 +111,35 @@ class FrameParser:
         """Return the frames of `data` from `pos` on, and the index of the bytes that must wait for more."""
         found: list[Frame] = []
         size = len(data)
+        next_seq = self._next_seq
         while pos < size:
             magic = data[pos]
-            if magic != _V2 and magic != _V1:
+            if magic == _V2:
+                body = pos + 10
+                if body > size:
+                    break
+                length, incompat, seq, sysid, compid, low, high = _read_v2(data, pos)
+                msgid = low | high << 16
+                crc_at = body + length
+                end = crc_at + _CRC_LENGTH
+                if incompat == _SIGNED:
+                    end += _SIGNATURE_LENGTH
+                elif incompat:
+                    msgid = NO_FRAME
+            elif magic == _V1:
+                body = pos + 6
+                if body > size:
+                    break
+                length, seq, sysid, compid, msgid = _read_v1(data, pos)
+                crc_at = body + length
+                end = crc_at + _CRC_LENGTH
+            else:
                 match = _start_byte(data, pos)
                 to = match.start() if match else size
                 self.garbage_bytes += to - pos
                 pos = to
                 continue
-            body = pos + (10 if magic == _V2 else 6)
-            if body > size:
-                break
-            msgid, crc_at, end = _claim(data, pos)
             shape = SHAPES.get(msgid)
-            length = crc_at - body
             # MAVLink 1 truncates no zeros, so its length must fit as well.
             if shape is None or (magic == _V1 and not shape[1] <= length <= shape[2]):
                 self.unknown += shape is None and msgid != NO_FRAME
@@ -154,21 +148,22 @@ class FrameParser:
                 continue
             if end > size:
                 break
-            if not _checksum_fits(data, pos, crc_at, msgid):
+            if mcrf4xx(data[pos + 1 : crc_at] + _EXTRA_BYTE[msgid]) != data[crc_at] | data[crc_at + 1] << 8:
                 self.bad_crc += 1
                 self.garbage_bytes += 1
                 pos += 1
                 continue
-            sender = pos + 4 if magic == _V2 else pos + 2
-            seq, sysid, compid = data[sender : sender + 3]
-            self._count_gap(sysid << 8 | compid, seq)
+            sender = sysid << 8 | compid
+            if next_seq.get(sender) == seq:
+                next_seq[sender] = (seq + 1) & 0xFF
+            else:
+                self._count_gap(sender, seq)
+            missing = shape[2] - length
             # A newer sender may have more extension fields than are known here; they are ignored.
-            payload = data[body : min(crc_at, body + shape[2])]
-            if length < shape[2]:
-                payload += _ZEROS[: shape[2] - length]
-            found.append(_make_frame((msgid, sysid, compid, seq, payload, data[pos:end])))
+            payload = data[body:crc_at] + _ZEROS[:missing] if missing > 0 else data[body : crc_at + missing]
+            found.append(_new_frame(Frame, (msgid, sysid, compid, seq, payload, data[pos:end])))
+            self.frames += 1
             pos = end
-        self.frames += len(found)
         return found, pos
 
     def _count_gap(self, sender: int, seq: int) -> None:
@@ -221,20 +216,32 @@ def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
     found: list[tuple[int, bytes]] = []
     pos, size = 0, len(data)
     while pos < size:
-        header = _HEADER_LENGTH.get(data[pos])
+        magic = data[pos]
+        header = _HEADER_LENGTH.get(magic)
         if header is None:
             match = _start_byte(data, pos)
             to = match.start() if match else size
             found += [(NO_FRAME, data[i : i + 1]) for i in range(pos, to)]
             pos = to
             continue
+        body = pos + header
         msgid, end = NO_FRAME, size + 1  # needs more bytes
-        if pos + header <= size:
-            msgid, crc_at, end = _claim(data, pos)
-            if end <= size and msgid in SHAPES and not _checksum_fits(data, pos, crc_at, msgid):
+        if body <= size:
+            if magic == _V2:
+                length, incompat, _, _, _, low, high = _read_v2(data, pos)
+                msgid = low | high << 16
+            else:
+                length, _, _, _, msgid = _read_v1(data, pos)
+                incompat = 0
+            crc_at = body + length
+            end = crc_at + (_CRC_LENGTH + _SIGNATURE_LENGTH if incompat else _CRC_LENGTH)
+            extra_byte = _EXTRA_BYTE.get(msgid)
+            if incompat & ~_SIGNED or (
+                end <= size
+                and extra_byte is not None
+                and mcrf4xx(data[pos + 1 : crc_at] + extra_byte) != data[crc_at] | data[crc_at + 1] << 8
+            ):
                 msgid, end = NO_FRAME, pos + 1
-            elif msgid == NO_FRAME:
-                end = pos + 1
         if end > size:
             if not last:
                 break
@@ -257,17 +264,13 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
     Bytes outside of frames (of a damaged or truncated one) come as one piece with id `NO_FRAME`: the joined pieces are
     `data` again.
     """
+    pieces, _ = _pieces(data, last=True)
+    if NO_FRAME not in dict(pieces):
+        return pieces
     joined: list[tuple[int, bytes]] = []
-    stray: list[bytes] = []
-    for msgid, unit in [*_pieces(data, last=True)[0], (None, b"")]:
-        if msgid == NO_FRAME:
-            stray.append(unit)
-            continue
-        if stray:
-            joined.append((NO_FRAME, b"".join(stray)))
-            stray = []
-        if msgid is not None:
-            joined.append((msgid, unit))
+    for is_stray, group in groupby(pieces, key=lambda piece: piece[0] == NO_FRAME):
+        units = list(group)
+        joined += [(NO_FRAME, b"".join(unit for _, unit in units))] if is_stray else units
     return joined
 
 
@@ -310,13 +313,12 @@ class FrameEncoder:
 
         `payload` is the whole payload of a message of the dialect (KeyError for another id).
         """
-        if msgid not in SHAPES:
-            raise KeyError(msgid)
+        extra_byte = _EXTRA_BYTE[msgid]
+        # The standard keeps at least one byte, even if it is zero.
+        cut = payload.rstrip(b"\0") or b"\0"
         if len(payload) > 255:
             raise ValueError("a payload has at most 255 bytes")
         seq = self._seq
         self._seq = (seq + 1) & 0xFF
-        # The standard keeps at least one byte, even if it is zero.
-        cut = payload.rstrip(b"\0") or b"\0"
         body = _header_v2(_V2, len(cut), 0, 0, seq, self.sysid, self.compid, msgid & 0xFFFF, msgid >> 16) + cut
-        return with_checksum(body, msgid)
+        return body + _crc_bytes(mcrf4xx(body[1:] + extra_byte))

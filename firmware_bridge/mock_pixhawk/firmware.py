@@ -92,7 +92,11 @@ class Timers:
                 period = timer.period_us
                 timer.due_us = now_us - now_us % period + period
                 timer.action(now_us)
-        self.next_due_us = min(timer.due_us for timer in self._timers)
+        next_due_us = NEVER_US
+        for timer in self._timers:  # an action may have started or stopped any
+            if timer.due_us < next_due_us:
+                next_due_us = timer.due_us
+        self.next_due_us = next_due_us
 
 
 class Host(Protocol):

@@ -76,7 +76,7 @@ class Lockstep:
             else:
                 self._firmware.handle(frame)
         outbox = self._outbox
-        if not outbox or outbox.holding or (self.silent and not self._final_output):
+        if not outbox.waiting or outbox.holding or (self.silent and not self._final_output):
             return b""
         self._final_output = False
         return outbox.take()

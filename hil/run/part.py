@@ -15,8 +15,8 @@ composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.ru
                           -> the run makes the scheduler (`run.scheduler`)
     begin(run)            everything is built, tick 0 comes next
       before_tick()         \\
-      after_tick(tick)       |  every tick, in the order of the parts; only parts that override them are called
-      ended()               /   True ends the flight
+      after_tick(tick)       |  every tick, in the order of the parts; only parts that override them are called, and the
+      ended()               /   last two only every `every_ticks` ticks. True of `ended` ends the flight
     conclude(run)         the flight ended without an error, and everything is still open
     close()               always, in the reverse order of the parts; also where `open` or `build` failed
     finish(run)           last events into the recording
@@ -137,6 +137,7 @@ class RunContext:
         scheduler = self._scheduler
         if scheduler is None:
             return {"paced_ticks_late": 0, "own_us": None, "step_us": None, "turnaround_us": None, "phase_us": None}
+        scheduler.count_durations()
         return {
             "paced_ticks_late": scheduler.late,
             "own_us": quantiles_us(scheduler.own_ns),
@@ -148,7 +149,10 @@ class RunContext:
     def mean_phase_us(self) -> dict[str, float]:
         """Return the mean wall-clock time of each phase of a tick [us]; empty before the scheduler is made."""
         scheduler = self._scheduler
-        return {} if scheduler is None else {name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES}
+        if scheduler is None:
+            return {}
+        scheduler.count_durations()
+        return {name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES}
 
     def record_last_tick(self) -> None:
         """Record what the last tick received."""
@@ -195,6 +199,7 @@ class Part:
 
     name = ""
     injects = False  # True: may inject faults that the bench does not declare
+    every_ticks = 1  # `after_tick` and `ended` are called at multiples of this; fixed from `begin` on
     paused_s = 0.0  # wall-clock time for which this part has paused the run
     hand_control: HandControl | None = None  # of a part that takes commands by hand
 

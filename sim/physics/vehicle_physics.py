@@ -831,17 +831,17 @@ class VehiclePhysics:
         self._truth[_W] = 0.0
 
     def _truth_state(self, tick: int, in_contact: bool) -> TruthState:
-        s = self._truth.tolist()
+        s = tuple(self._truth.tolist())
         return TruthState(
             tick,
             tick * self.tick_ns,
-            (s[0], s[1], s[2]),
-            (s[3], s[4], s[5], s[6]),
-            (s[7], s[8], s[9]),
-            (s[10], s[11], s[12]),
-            tuple(s[self._a_slice]),
-            tuple(s[self._alpha_slice]),
-            tuple(s[self._rotor_slice]),
+            s[_P],
+            s[_Q],
+            s[_V],
+            s[_W],
+            s[self._a_slice],
+            s[self._alpha_slice],
+            s[self._rotor_slice],
             in_contact or (bool(self._wheels) and self.on_wheels),
             self._deflections(s) if self._surfaced else (),
         )

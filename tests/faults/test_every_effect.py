@@ -267,7 +267,7 @@ def slots_of(bench: Any, out: Path) -> dict[str, Callable[[Any], Any]]:
 
     def due(slot: Any) -> Callable[[Any], Any]:
         numbers = iter(range(1 << 30))
-        return lambda truth: slot.sample(truth, next(numbers)) if slot.due() else None
+        return lambda truth: slot.sample(truth, next(numbers)) if slot.rate.due() else None
 
     return {slot.port: due(slot) for slot in slots}
 

@@ -53,7 +53,7 @@ class FreeRunningLink(RealtimeLink):
         super()._reset()
         self._latest: Frame | None = None
         self._bad_in_a_row = 0
-        self._air = AirTemperature(self._caps)
+        self._air = AirTemperature() if self._caps.air_temperature else None
 
     def _await_autopilot(self) -> None:
         line, limit_s = self._transport, self._timeouts.connect_s
@@ -115,7 +115,8 @@ class FreeRunningLink(RealtimeLink):
         """Pass the tick's bytes to the sender and return them. CodecError if a sample is not a number."""
         stats = self._stats
         request = self.timesync.request(self._deadline_ns)
-        baro = self._air.put(baro, ranging)
+        if self._air is not None:
+            baro = self._air.put(baro, ranging)
         data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request)
         # Commands must arrive; a stale sample is dropped rather than sent late.
         if extra:

@@ -75,6 +75,7 @@ _BOOT_SLOWNESS = 6
 # PX4's vtol_att_control publishes torques for the inputs of one controller or of both, by its mode: where the mode
 # changes this is twice in a tick, or not at all. Its motors then keep their commands, and it answers the next tick.
 _HOLD_S, _MOST_HELD = 0.5, 3
+_COUNTED_ANSWERS = 256  # whose times are counted at once
 _PROBE_STEP_NS = 4_000_000
 _PROBES = 350
 _PROBES_INTO_SILENCE = 128
@@ -102,16 +103,14 @@ class AirTemperature:
     to 40 degC in air of 12 degC the true airspeed was 5 % too high, and the estimate of the wind wrong by it.
     """
 
-    def __init__(self, caps: LinkCaps) -> None:
-        self._wanted = caps.air_temperature
+    def __init__(self) -> None:
         self._degc: float | None = None  # None: as the barometer measures it
 
     def put(self, baro: BaroSample | None, samples: Sequence[Sample]) -> BaroSample | None:
         """Return the barometer's sample with the temperature of the air, in a tick with these samples."""
-        if self._wanted:
-            for sample in samples:
-                if isinstance(sample, DifferentialPressureSample):
-                    self._degc = sample.temperature_degc
+        for sample in samples:
+            if isinstance(sample, DifferentialPressureSample):
+                self._degc = sample.temperature_degc
         return baro if baro is None or self._degc is None else baro._replace(temperature_degc=self._degc)
 
 
@@ -172,8 +171,10 @@ class LockstepLink(AutopilotLink):
         self._imu: ImuSample | None = None  # the newest of each that was sent
         self._mag: MagSample | None = None
         self._baro: BaroSample | None = None
-        self._air = AirTemperature(self._caps)
+        self._air = AirTemperature() if self._caps.air_temperature else None
         self._answer: Frame | None = None  # the newest
+        self._rtts_ns: list[int] = []  # not yet in the statistics
+        self._unseen: list[Frame] = []  # by the monitor
         self._held_ticks = 0  # without an answer, in a row
         self._held: list[Frame] = []  # came after the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
@@ -251,7 +252,8 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        baro = self._air.put(baro, ranging)
+        if self._air is not None:
+            baro = self._air.put(baro, ranging)
         data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
@@ -260,6 +262,10 @@ class LockstepLink(AutopilotLink):
         except LinkClosed as error:
             raise self._closed(error) from error
         self._sent_at_ns = time.perf_counter_ns()
+        # What does not have to be done before the write is done here, while the autopilot computes.
+        self._vehicle.received(self._unseen)
+        if len(self._rtts_ns) >= _COUNTED_ANSWERS:
+            self._count_answers()
         stats.steps += 1
         if self._ground is not None:
             data = extra + data
@@ -284,12 +290,12 @@ class LockstepLink(AutopilotLink):
         if frames:
             self._held = []
         else:
-            frames = self._feed(_SLICE_S)
+            frames = self._parser.feed(self._read(_SLICE_S))
         deadline_ns = 0
         while True:
             answer = self._find_answer(frames, want_us)
             if answer is not None:
-                self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
+                self._rtts_ns.append(time.perf_counter_ns() - self._sent_at_ns)
                 self._answer, self._held_ticks = answer, 0
                 return self._decode(tick, answer)
             if not deadline_ns:
@@ -462,7 +468,7 @@ class LockstepLink(AutopilotLink):
 
     def _wrong_time(self, got_us: int, want_us: int) -> str:
         hint = ""
-        if not self._stats.rtt.count:
+        if self._answer is None:
             hint = (
                 f"; it is the first answer: does the autopilot leave {self._caps.boot_sensors} HIL_SENSORs unanswered "
                 "at boot, as the rig's `boot_sensors` says?"
@@ -487,7 +493,7 @@ class LockstepLink(AutopilotLink):
         said = "; ".join(facts) or "no bytes came"
         if self._process is not None:
             said += "; its process still runs"
-        if not self._stats.rtt.count and self._caps.boot_sensors is not None:
+        if self._answer is None and self._caps.boot_sensors is not None:
             said += (
                 f"; does it leave more than {self._caps.boot_sensors} HIL_SENSORs unanswered at boot (`boot_sensors`)?"
             )
@@ -498,5 +504,14 @@ class LockstepLink(AutopilotLink):
         frames, self._frames = self._frames, []
         if self._ground is not None:
             frames += self._ground.read()
-        self._vehicle.received(frames)
+        self._unseen = frames
         return frames
+
+    def _count_answers(self) -> None:
+        self._stats.rtt.add_all(self._rtts_ns)
+        self._rtts_ns.clear()
+
+    @property
+    def stats(self) -> LinkStats:
+        self._count_answers()
+        return super().stats

@@ -23,29 +23,21 @@ class Outbox:
     """Messages in order. While `holding`, nothing is taken out and the oldest beyond `LIMIT` are dropped."""
 
     def __init__(self, encoder: FrameEncoder) -> None:
-        self._encoder = encoder
-        self._waiting: list[bytes] = []
+        self.waiting: list[bytes] = []
+        # Encodes the next frame: it has a sequence number, so the caller must write it.
+        self.frame = encoder.frame
+        # Appends bytes that must not be dropped: a reply to the bench.
+        self.push = self.waiting.append
         self._text_id = 0
         self.holding = True
         self.dropped = 0
 
-    def __bool__(self) -> bool:
-        return bool(self._waiting)
-
-    def frame(self, msgid: int, payload: bytes) -> bytes:
-        """Encode the next frame. It has a sequence number, so the caller must write it."""
-        return self._encoder.frame(msgid, payload)
-
-    def push(self, data: bytes) -> None:
-        """Append bytes that must not be dropped: a reply to the bench."""
-        self._waiting.append(data)
-
     def send_payload(self, msgid: int, payload: bytes) -> None:
         """Append a message with a packed payload."""
-        if self.holding and len(self._waiting) >= LIMIT:
-            del self._waiting[0]
+        if self.holding and len(self.waiting) >= LIMIT:
+            del self.waiting[0]
             self.dropped += 1
-        self._waiting.append(self._encoder.frame(msgid, payload))
+        self.waiting.append(self.frame(msgid, payload))
 
     def send(self, message: Any) -> None:
         """Append a message."""
@@ -53,8 +45,8 @@ class Outbox:
 
     def take(self) -> bytes:
         """Return all waiting bytes and empty the queue."""
-        out = b"".join(self._waiting)
-        self._waiting.clear()
+        out = b"".join(self.waiting)
+        self.waiting.clear()
         return out
 
     # -- STATUSTEXT ---------------------------------------------------------------------------------------------

@@ -15,10 +15,10 @@
     8 latch      validate and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
 Overlap. From the reply to the next send the autopilot waits for the bench, so that only phases 1 to 5 lie there, and
-nothing in them can be done earlier: the physics needs the reply, the IMU the physics. Phase 6 and the statistics of
-tick k-1 run while the autopilot computes its reply, and feed nothing back into tick k. While bench and autopilot share
-one processor (`record_first`), phase 6 runs before phase 5 instead, except that the bytes sent are recorded after it:
-the processor is the autopilot's during the wait. What arrives in phase 7 is recorded in phase 6 of tick k+1, or by
+nothing in them can be done earlier: the physics needs the reply, the IMU the physics. Phase 6 and the statistics of the
+ticks before run while the autopilot computes its reply, and feed nothing back into tick k. While bench and autopilot
+share one processor (`record_first`), phase 6 runs before phase 5 instead, except that the bytes sent are recorded after
+it: the processor is the autopilot's during the wait. What arrives in phase 7 is recorded in phase 6 of tick k+1, or by
 `flush`. The order of the messages in the recording is the same in all cases.
 
 Free-running autopilots do not wait for the bench. The link's `begin` then starts each tick at its wall-clock time and
@@ -32,11 +32,13 @@ recording is complete up to the failure.
 
 from __future__ import annotations
 
-import heapq
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from typing import Any, Protocol
+
+import numpy as np
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -47,8 +49,13 @@ from signals.time import RateAccumulator
 from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
-_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
+_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")  # in the order of `AutopilotLink.send`
+_OTHERS = len(_HIL_SENSOR_KINDS)
 _OTHER_KINDS = ("range_finder", "optical_flow", "external_vision", "pitot", "vane")
+_COUNTED_TICKS = 256  # whose durations are counted at once
+# Processor time is measured in every 17th tick: its clock is a system call, which takes as long as thirty readings of
+# the other. A prime, so that the ticks measured are in step with no sensor, nor with the recorder's flushes.
+_OWN_EVERY_TICKS = 17
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
 
 
@@ -91,15 +98,17 @@ class Exchange(Protocol):
 class SensorSlot:
     """A sensor with its rate on the tick and its sample count."""
 
-    __slots__ = ("after_send", "due", "port", "sample", "samples", "timing")
+    __slots__ = ("after_send", "durations_ns", "idle", "port", "rate", "sample", "samples", "timing")
 
     def __init__(self, sensor: Sensor, rate: RateAccumulator, *, after_send: bool = False) -> None:
         """`after_send`: sampled while the autopilot computes, because the autopilot does not receive its samples."""
         self.after_send = after_send
         self.port = sensor.name
         self.sample = sensor.sample
-        self.due = rate.due
+        self.rate = rate
+        self.idle = 0  # coming ticks on which it is not due
         self.samples = 0
+        self.durations_ns: list[int] = []  # not yet in `timing`
         self.timing = LatencyHistogram()
 
 
@@ -107,22 +116,22 @@ class ReleaseQueue:
     """Holds captured samples until they are available. The order (t_available_ns, port, seq) is total."""
 
     def __init__(self) -> None:
-        self._heap: list[tuple[int, str, int, Sample]] = []
+        self.heap: list[tuple[int, str, int, Sample]] = []
 
     def push(self, port: str, sample: Sample) -> None:
-        heapq.heappush(self._heap, (sample.t_available_ns, port, sample.seq, sample))
+        heappush(self.heap, (sample.t_available_ns, port, sample.seq, sample))
 
     def release(self, t_ns: int) -> list[tuple[str, Sample]]:
         """Remove and return every sample with t_available_ns <= t_ns, in release order."""
-        heap = self._heap
+        heap = self.heap
         released = []
         while heap and heap[0][0] <= t_ns:
-            _, port, _, sample = heapq.heappop(heap)
+            _, port, _, sample = heappop(heap)
             released.append((port, sample))
         return released
 
     def __len__(self) -> int:
-        return len(self._heap)
+        return len(self.heap)
 
 
 @dataclass(frozen=True)
@@ -159,10 +168,10 @@ class Scheduler:
         self.tick = 0  # the next tick to run
         self.late = 0  # ticks that began after their wall-clock deadline (paced runs only)
         self.phase_ns = {name: LatencyHistogram() for name in PHASES}
-        self.own_ns = LatencyHistogram()  # processor time of a tick in this thread
+        self.own_ns = LatencyHistogram()  # processor time of a tick in this thread, of every `_OWN_EVERY_TICKS`th
         self.step_ns = LatencyHistogram()  # per tick, without pacing
         self.turnaround_ns = LatencyHistogram()  # from a reply to the next send (lockstep, not paced)
-        self._histograms = (self.own_ns, self.step_ns, *(self.phase_ns[name] for name in PHASES))
+        self._histograms = (self.step_ns, *(self.phase_ns[name] for name in PHASES))
         self.begun_ns = 0  # start of the present tick, by `time.perf_counter_ns`
         self.truth: TruthState | None = None
         self._physics = wiring.physics
@@ -173,17 +182,20 @@ class Scheduler:
         self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None
         self._wind_at = wind_at
         self.record_first = False  # set while bench and autopilot share one processor
-        self._kinds = {port: kind for kind, port in wiring.ports.items()}
+        order = {kind: i for i, kind in enumerate(_HIL_SENSOR_KINDS)} | dict.fromkeys(_OTHER_KINDS, _OTHERS)
+        self._places = {port: order[kind] for kind, port in wiring.ports.items() if kind in order}
         self._commands = tuple(wiring.commands)
         self._recorder = recorder
         self._observers = tuple(wiring.observers)
         self._exchanges = tuple(wiring.exchanges)
         self._serves = tuple(exchange.serve for exchange in self._exchanges if exchange.free_running)
         self._queue = ReleaseQueue()
-        self._latched = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
+        # The frame that moves the vehicle in the next tick; all zero and disarmed until the first reply.
+        self.actuators = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
         self._frames: list[Frame] = []  # received in the tick before
         self._replied_at_ns = 0  # 0: no reply yet, or the autopilot does not wait
-        self._uncounted: tuple[int, ...] | None = None  # durations of the tick before
+        self._clocks_ns: list[tuple[int, ...]] = []  # of ticks that are not yet in the statistics
+        self._turnarounds_ns: list[int] = []  # likewise
         self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
         # State of the present tick, kept from one of its phases to the next.
         self._command: ActuatorFrame | None = None  # from `begin` of a free-running link
@@ -200,11 +212,6 @@ class Scheduler:
         """The simulated time of the next tick."""
         return self.tick * self.tick_ns
 
-    @property
-    def actuators(self) -> ActuatorFrame:
-        """The frame that moves the vehicle in the next tick; all zero and disarmed until the first reply."""
-        return self._latched
-
     def step(self) -> None:
         """Run one tick. Raises HilError; the header of this file defines the state after it."""
         controls = self.begin()
@@ -218,12 +225,13 @@ class Scheduler:
         if self._begin is not None:
             self._command = self._begin(self.tick)
             if self._command is not None:
-                self._latched = self._command
+                self.actuators = self._command
         elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
         # Other programs may preempt the bench, so only processor time measures its own work.
-        self._own_start_ns = time.thread_time_ns()
-        return self._latched.controls
+        if self.tick % _OWN_EVERY_TICKS == 0:
+            self._own_start_ns = time.thread_time_ns()
+        return self.actuators.controls
 
     def send(self, truth: TruthState, began_ns: int) -> None:
         """Sample the sensors of the autopilot at the vehicle's new state, and send them: phases 2 to 5.
@@ -239,7 +247,14 @@ class Scheduler:
         t1 = clock()
         self._sample(self._sensors, truth, t1)
         released = self._released = self._queue.release(t_ns)
-        newest, others = self._for_autopilot(released)
+        newest: list[Any] = [None] * _OTHERS  # of the kinds in HIL_SENSOR and HIL_GPS
+        others: list[Sample] = []  # of the other kinds all, in order
+        for port, sample in released:
+            place = self._places.get(port)
+            if place == _OTHERS:
+                others.append(sample)
+            elif place is not None:
+                newest[place] = sample
 
         t2 = clock()
         commands = b""
@@ -250,13 +265,15 @@ class Scheduler:
         self._frames_ns = self._companion_ns = 0
         self._recorded = self.record_first
         if self._recorded:
-            self._frames_ns = self._sample_frames(truth, released)
+            if self._frame_sensors:
+                self._sample_frames(truth, released)
             self._record(truth, self._command, released)
-            self._companion_ns = self._exchange_all(truth, released)
+            if self._exchanges:
+                self._exchange_all(truth, released)
         send_start = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
-        imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
+        imu, mag, baro, gps = newest
         self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, others)
         self._marks_ns = (began_ns, t1, t2, t3, send_start, clock())
 
@@ -265,22 +282,24 @@ class Scheduler:
         truth, released = self.truth, self._released
         assert truth is not None
         if not self._recorded:
-            self._frames_ns = self._sample_frames(truth, released)
+            if self._frame_sensors:
+                self._sample_frames(truth, released)
             self._record(truth, self._command, released)
         self._recorder.sent(self.tick, truth.t_ns, self._sent)
-        if not self._recorded:
-            self._companion_ns = self._exchange_all(truth, released)
-        self._count_durations()
+        if self._exchanges and not self._recorded:
+            self._exchange_all(truth, released)
+        if len(self._clocks_ns) >= _COUNTED_TICKS:
+            self.count_durations()
         if self._replied_at_ns:
-            self.turnaround_ns.add(self._marks_ns[-1] - self._replied_at_ns)
+            self._turnarounds_ns.append(self._marks_ns[-1] - self._replied_at_ns)
 
     def wait(self) -> None:
         """Wait for the reply of the autopilot, which moves the vehicle in the next tick: phases 7 and 8."""
         clock = time.perf_counter_ns
         tick = self.tick
-        t0, t1, t2, t3, send_start, t4 = self._marks_ns
         t5 = clock()
-        own_ns = time.thread_time_ns() - self._own_start_ns
+        if tick % _OWN_EVERY_TICKS == 0:
+            self.own_ns.add(time.thread_time_ns() - self._own_start_ns)
         actuators = None
         try:
             actuators = self._link.wait(tick, tick * self.tick_ns)
@@ -291,54 +310,56 @@ class Scheduler:
         t6 = clock()
 
         if actuators is not None:
-            self._latched = actuators
+            self.actuators = actuators
         self.tick = tick + 1
 
-        frames_ns, companion_ns = self._frames_ns, self._companion_ns
-        record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
-        phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
-        self._uncounted = (own_ns, t6 - t0, *phases_ns)
+        self._clocks_ns.append((*self._marks_ns, t5, t6, self._frames_ns, self._companion_ns))
         if actuators is not None and self._tick_wall_ns is None:
             self._replied_at_ns = t6
 
-    def _count_durations(self) -> None:
-        """Add the durations of the tick before to the statistics."""
-        if self._uncounted is not None:
-            for histogram, duration_ns in zip(self._histograms, self._uncounted, strict=True):
-                histogram.add(duration_ns)
-            self._uncounted = None
+    def count_durations(self) -> None:
+        """Add the durations of the ticks so far to the statistics; call it before they are read."""
+        rows, self._clocks_ns = self._clocks_ns, []
+        t0, t1, t2, t3, send_start, t4, t5, t6, frames_ns, companion_ns = np.array(rows, np.int64).reshape(-1, 10).T
+        record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
+        phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
+        for histogram, durations_ns in zip(self._histograms, (t6 - t0, *phases_ns), strict=True):
+            histogram.add_all(durations_ns)
+        self.turnaround_ns.add_all(self._turnarounds_ns)
+        self._turnarounds_ns.clear()
+        for slot in (*self._sensors, *self._frame_sensors):
+            slot.timing.add_all(slot.durations_ns)
+            slot.durations_ns.clear()
 
     def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before_ns: int) -> int:
         """Sample each sensor that is due. `before_ns`: wall clock at the start. Return the wall clock at the end."""
-        clock, queue = time.perf_counter_ns, self._queue
+        clock, heap = time.perf_counter_ns, self._queue.heap
         for slot in slots:
-            if slot.due():
+            if slot.idle:
+                slot.idle -= 1
+            else:
+                slot.idle = slot.rate.idle_ticks()
                 sample = slot.sample(truth, slot.samples)
                 slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
                 if sample is not None:
-                    queue.push(slot.port, sample)
+                    heappush(heap, (sample.t_available_ns, slot.port, sample.seq, sample))
                 after_ns = clock()
-                slot.timing.add(after_ns - before_ns)
+                slot.durations_ns.append(after_ns - before_ns)
                 before_ns = after_ns
         return before_ns
 
-    def _sample_frames(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
-        """Sample the frame sensors and append their released samples to `released`. Return the time taken [ns]."""
-        if not self._frame_sensors:
-            return 0
+    def _sample_frames(self, truth: TruthState, released: list[tuple[str, Sample]]) -> None:
+        """Sample the frame sensors and append their released samples to `released`."""
         start_ns = time.perf_counter_ns()
-        took_ns = self._sample(self._frame_sensors, truth, start_ns) - start_ns
+        self._frames_ns = self._sample(self._frame_sensors, truth, start_ns) - start_ns
         released += self._queue.release(truth.t_ns)
-        return took_ns
 
-    def _exchange_all(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
-        """Pass the released samples to the companions. Return the time taken [ns]."""
-        if not self._exchanges:
-            return 0
+    def _exchange_all(self, truth: TruthState, released: list[tuple[str, Sample]]) -> None:
+        """Pass the released samples to the companions."""
         start_ns = time.perf_counter_ns()
         for exchange in self._exchanges:
             exchange.step(truth, released)
-        return time.perf_counter_ns() - start_ns
+        self._companion_ns = time.perf_counter_ns() - start_ns
 
     def _record(self, truth: TruthState, command: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
         """Record what is known before the tick is sent. The sent bytes are recorded afterwards in all cases."""
@@ -367,12 +388,12 @@ class Scheduler:
 
     def skip_tick(self) -> None:
         """Continue after a failed tick with all controls at zero, because the autopilot has rebooted."""
-        self._latched = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)
+        self.actuators = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)
         self.tick += 1
 
     def flush(self) -> None:
         """Record what the last tick received, and count its durations. Call once, when no further tick will run."""
-        self._count_durations()
+        self.count_durations()
         self._record_received()
 
     def _record_received(self) -> None:
@@ -384,18 +405,6 @@ class Scheduler:
             self._recorder.received(tick, tick * self.tick_ns, frames)
         if actuators is not None:
             self._recorder.actuators(actuators)
-
-    def _for_autopilot(self, released: list[tuple[str, Sample]]) -> tuple[dict[str, Any], list[Sample]]:
-        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all of the other kinds, in order."""
-        newest: dict[str, Any] = {}
-        others: list[Sample] = []
-        for port, sample in released:
-            kind = self._kinds.get(port)
-            if kind in _OTHER_KINDS:
-                others.append(sample)
-            elif kind is not None:
-                newest[kind] = sample
-        return newest, others
 
     def _wait_for_deadline(self, tick_wall_ns: float) -> None:
         """Sleep until this tick's wall-clock time. A late tick is counted and does not shift the ticks after it."""

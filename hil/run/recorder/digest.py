@@ -59,9 +59,9 @@ class Digest:
 
     def truth(self, truth: TruthState) -> None:
         """Hash the true state, which begins a tick."""
-        rotors = truth.rotor_speed_radps
+        tick, t_ns, p_WB, q_WB, v_WB_W, w_WB_B, a_WB_W, alpha_WB_B, rotors, in_contact, surfaces = truth
         n = len(rotors)
-        counts = (n, len(truth.surface_rad))
+        counts = (n, len(surfaces))
         if counts != self._counts:
             self._counts, self._layout = counts, self._layout_for(*counts)
         layout = self._layout
@@ -69,23 +69,20 @@ class Digest:
             layout.pack(
                 b"T",
                 layout.size - 5,
-                truth.tick,
-                truth.t_ns,
-                *truth.p_WB,
-                *truth.q_WB,
-                *truth.v_WB_W,
-                *truth.w_WB_B,
-                *truth.a_WB_W,
-                *truth.alpha_WB_B,
+                tick,
+                t_ns,
+                *p_WB,
+                *q_WB,
+                *v_WB_W,
+                *w_WB_B,
+                *a_WB_W,
+                *alpha_WB_B,
                 n,
                 *rotors,
-                truth.in_contact,
-                *truth.surface_rad,
+                in_contact,
+                *surfaces,
             )
         )
-        if len(self._pending) > 64:
-            self._hash.update(b"".join(self._pending))
-            self._pending.clear()
 
     def sent(self, data: bytes) -> None:
         """Hash the bytes sent in one tick."""
@@ -108,17 +105,18 @@ class Digest:
             heads.append(f"{name}\0{array.dtype.str}\0".encode() + shape)
             arrays.append(array)
         self._pending += (_HEAD.pack(b"F", sum(map(len, heads)) + sum(a.nbytes for a in arrays)), heads[0])
-        self._update_hash()
+        self.update()
         for head, array in zip(heads[1:], arrays, strict=True):
             self._hash.update(head)
             self._hash.update(np.ascontiguousarray(array).data)
 
     def hexdigest(self) -> str:
         """Return the digest of everything so far, 64 hexadecimal digits."""
-        self._update_hash()
+        self.update()
         return self._hash.hexdigest()
 
-    def _update_hash(self) -> None:
+    def update(self) -> None:
+        """Hash what waits in memory; call it now and then."""
         if self._pending:
             self._hash.update(b"".join(self._pending))
             self._pending.clear()

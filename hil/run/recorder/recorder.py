@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import split_frames
 from firmware_bridge.codecs.signing import SETUP_SIGNING
@@ -42,6 +42,9 @@ _FLUSH_TICKS = 512  # flush after this many ticks, on benches with a higher tick
 _FLUSH_FRAMES = 4096  # flush after this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory
 _FLUSH_BYTES = 16 << 20  # flush after this much memory in pictures and point clouds
 _WARNING_KINDS = frozenset({"warning", "error"})
+# Truth and MAVLink are hashed and split for 32 ticks at once, which takes less time than tick by tick.
+_LOG_ENTRIES = 96
+_TRUTH, _SENT, _RECEIVED = range(3)
 _MAX_EVENTS = 2000  # in memory for the report; the recording has all
 
 
@@ -144,7 +147,6 @@ class Recorder:
         self._mcap: McapSink | None = None
         self._mcap_recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
-        self._wires: list[WireTap] = [tap for tap in taps if hasattr(tap, "sent")]  # type: ignore[misc]
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
         if mcap is True:
@@ -159,31 +161,39 @@ class Recorder:
             self._sinks.append(self._mcap)
         if tlog:
             self._sinks.append(TlogSink(SafeFile(out_dir / TLOG_NAME, open_file)))
+        wires: list[WireTap] = [tap for tap in taps if hasattr(tap, "sent")]  # type: ignore[misc]
+        self._wire_receivers: tuple[WireTap, ...] = (*self._sinks, *wires)
+        self._pictured = False  # since the last look at the memory that the sinks hold
+        self._live = bool(wires)
+        self._log: list[tuple[int, int, Any]] = []  # what, time [ns] and data, not yet passed on
         self._period_ns = min(_FLUSH_NS, _FLUSH_TICKS * tick_ns)
         self._flush_ns = self._period_ns
 
     @property
     def digest(self) -> str:
         """Digest of everything so far, hexadecimal."""
+        self._pass_on()
         return self._digest.hexdigest()
 
     def truth(self, truth: TruthState) -> None:
         """Begin a tick. If writing the earlier ticks fails, this tick is recorded before the error is raised."""
         t_ns = truth.t_ns
         failure: RecordingError | None = None
-        if t_ns >= self._flush_ns or (
-            self._mcap and (self._mcap.pending_frames > _FLUSH_FRAMES or self._mcap.pending_bytes > _FLUSH_BYTES)
-        ):
-            self._flush_ns = t_ns + self._period_ns
-            try:
-                self.flush()
-            except RecordingError as error:
-                failure = error
+        mcap = self._mcap
+        if len(self._log) >= _LOG_ENTRIES or self._pictured or t_ns >= self._flush_ns:
+            self._pass_on()
+            self._pictured = False
+            if t_ns >= self._flush_ns or (mcap and mcap.holds(_FLUSH_FRAMES, _FLUSH_BYTES)):
+                self._flush_ns = t_ns + self._period_ns
+                try:
+                    self.flush()
+                except RecordingError as error:
+                    failure = error
         self._tick = truth.tick
-        self._digest.truth(truth)
+        self._log.append((_TRUTH, t_ns, truth))
         self.track.truth(truth)
-        if self._mcap:
-            self._mcap.truth(truth)
+        if mcap:
+            mcap.truth(truth)
         if failure:
             raise failure
 
@@ -202,6 +212,8 @@ class Recorder:
         recorded = self._recorded(port, sample) if self._unrecorded else sample
         if recorded is not None:
             if isinstance(recorded, FRAME_SAMPLES):
+                self._pass_on()
+                self._pictured = True
                 self._digest.frame(port, recorded)
                 self.album.add(port, recorded)
             if self._mcap:
@@ -223,22 +235,48 @@ class Recorder:
     def sent(self, tick: int, t_ns: int, data: bytes) -> None:
         """Record the bytes sent to the autopilot in this tick, any number of frames."""
         del tick
-        self._digest.sent(data)
-        if (self._sinks or self._wires) and data:
-            pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # contains the key
-            for sink in (*self._sinks, *self._wires):
-                sink.sent(t_ns, pieces)
+        self._log.append((_SENT, t_ns, data))
+        if self._live:
+            self._pass_on()
 
     def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record the frames received from the autopilot in this tick."""
         del tick
-        self._digest.received(frames)
-        self.routed(t_ns, [frame for frame in frames if frame.msgid != SETUP_SIGNING])
+        self._log.append((_RECEIVED, t_ns, frames))
+        if self._live:
+            self._pass_on()
+
+    def _pass_on(self) -> None:
+        """Pass the log to the digest and to those that record MAVLink."""
+        digest, receivers = self._digest, self._wire_receivers
+        for what, t_ns, data in self._log:
+            if what == _TRUTH:
+                digest.truth(data)
+            elif what == _SENT:
+                digest.sent(data)
+                if receivers and data:
+                    pieces = split_frames(data)
+                    if SETUP_SIGNING in dict(pieces):  # contains the key
+                        pieces = [piece for piece in pieces if piece[0] != SETUP_SIGNING]
+                    for receiver in receivers:
+                        receiver.sent(t_ns, pieces)
+            else:
+                digest.received(data)
+                if receivers:
+                    for frame in data:
+                        if frame.msgid == SETUP_SIGNING:
+                            data = [frame for frame in data if frame.msgid != SETUP_SIGNING]
+                            break
+                    for receiver in receivers:
+                        receiver.received(t_ns, data)
+        self._log.clear()
+        digest.update()
 
     def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record frames that the router passed between its clients. They are not part of the digest."""
-        for sink in (*self._sinks, *self._wires):
-            sink.received(t_ns, frames)
+        self._pass_on()
+        for receiver in self._wire_receivers:
+            receiver.received(t_ns, frames)
 
     def actuators(self, frame: ActuatorFrame) -> None:
         """Record the command that the physics uses in the next tick."""
@@ -280,6 +318,7 @@ class Recorder:
 
     def flush(self) -> None:
         """Write everything so far to disk. Raises the first RecordingError after all files have been tried."""
+        self._pass_on()
         _try_all([partial(sink.flush, self._tick) for sink in self._sinks])
 
 

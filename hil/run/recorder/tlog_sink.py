@@ -8,15 +8,16 @@ they are zero.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable
+from itertools import chain
+
+import numpy as np
 
 from firmware_bridge.codecs.mavlink_frame import NO_FRAME
 from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.mcap.mcap_file import SafeFile
 
 EPOCH_US = 1_577_836_800_000_000
-_STAMP = struct.Struct(">Q")
 
 
 class TlogSink:
@@ -24,28 +25,28 @@ class TlogSink:
 
     def __init__(self, file: SafeFile) -> None:
         self._file = file
-        self._entries: list[bytes] = []
+        self._entries: list[tuple[int, bytes]] = []  # time [ns] and frame, since the last flush
         self._tick = 0
 
     def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
         """Log frames sent to the autopilot. Bytes outside frames are left out: the format has no place for them."""
-        stamp = _STAMP.pack(EPOCH_US + t_ns // 1000 & ~3)
         for msgid, raw in pieces:
             if msgid != NO_FRAME:
-                self._entries += (stamp, raw)
+                self._entries.append((t_ns, raw))
 
     def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
         """Log frames received from the autopilot."""
-        stamp = _STAMP.pack(EPOCH_US + t_ns // 1000 & ~3)
         for frame in frames:
-            self._entries += (stamp, frame.raw)
+            self._entries.append((t_ns, frame.raw))
 
     def flush(self, tick: int) -> None:
         """Write everything so far to disk. Raises RecordingError at the first failure only."""
-        data = b"".join(self._entries)
+        if not self._entries:
+            return
+        times_ns, frames = zip(*self._entries, strict=True)
         self._entries.clear()
-        if data:
-            self._file.write(data, tick)
+        stamps = (EPOCH_US + np.array(times_ns) // 1000 & ~3).astype(">u8").view("V8").tolist()
+        self._file.write(b"".join(chain.from_iterable(zip(stamps, frames, strict=True))), tick)
 
     def close(self, tick: int) -> None:
         """Flush and close."""

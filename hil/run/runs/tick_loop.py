@@ -41,13 +41,15 @@ class Flight:
         self._until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
         self._after_ticks = _AFTER_DISARM_NS // config.tick_ns
         self._armed_tick: int | None = None
-        hooks = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
-        self._before_hooks, self._after_hooks, self._end_checks = hooks
+        self.scheduler = run.scheduler
+        self.before_hooks = [part.before_tick for part in _overriding(run, "before_tick")]
+        self._after_hooks = [(part.every_ticks, part.after_tick) for part in _overriding(run, "after_tick")]
+        self._end_checks = [(part.every_ticks, part.ended) for part in _overriding(run, "ended")]
 
     def before_tick(self) -> None:
         """Call the parts before a tick. Raises VehicleFailed if the vehicle has a name."""
         try:
-            for before_tick in self._before_hooks:
+            for before_tick in self.before_hooks:
                 before_tick()
         except Exception as error:  # noqa: BLE001 (a defect of a part, too, is that of its vehicle)
             self._fail(error)
@@ -55,21 +57,26 @@ class Flight:
     def step(self) -> bool:
         """Run one tick. Return False if the autopilot has rebooted instead, and the vehicle is back at its start."""
         try:
-            self.run.scheduler.step()
+            self.scheduler.step()
         except RestartRequested:
             physics: Any = self.run.physics
             physics.restart()  # simulated time goes on
-            self.run.scheduler.skip_tick()
+            self.scheduler.skip_tick()
             return False
         return True
 
     def after_tick(self) -> None:
         """Call the parts after a tick, and set `over` if the flight has ended. Raises as `before_tick`."""
-        scheduler = self.run.scheduler
+        scheduler = self.scheduler
+        tick = scheduler.tick
         try:
-            for after_tick in self._after_hooks:
-                after_tick(scheduler.tick)
-            self.over = any(ended() for ended in self._end_checks)
+            for period, after_tick in self._after_hooks:
+                if not tick % period:
+                    after_tick(tick)
+            for period, ended in self._end_checks:
+                if not tick % period and ended():
+                    self.over = True
+                    break
         except Exception as error:  # noqa: BLE001 (likewise)
             self._fail(error)
         if self.over:
@@ -77,9 +84,9 @@ class Flight:
         if self.lost:
             self.over = scheduler.truth is not None and scheduler.truth.in_contact
         elif scheduler.actuators.armed:
-            self._armed_tick = scheduler.tick
+            self._armed_tick = tick
         elif self._until_disarmed and self._armed_tick is not None:
-            self.over = scheduler.tick >= self._armed_tick + self._after_ticks
+            self.over = tick >= self._armed_tick + self._after_ticks
 
     def _fail(self, error: Exception) -> NoReturn:
         if not self.name or isinstance(error, FlightEnded):
@@ -117,15 +124,19 @@ def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool
             tick = 0
             while flying and tick < end_tick:
                 for flight in flying:
-                    flight.before_tick()
+                    if flight.before_hooks:
+                        flight.before_tick()
                 stepped = step()
-                tick = flying[0].run.scheduler.tick
+                tick = flying[0].scheduler.tick
                 if not stepped:
                     continue
-                progress.tick(tick)
+                if not quiet:
+                    progress.tick(tick)
+                some_over = False
                 for flight in flying:
                     flight.after_tick()
-                if any(flight.over for flight in flying):
+                    some_over |= flight.over
+                if some_over:
                     for flight in flying:
                         if flight.over and not one:  # it stays in the world
                             flight.run.physics.switch_off()
@@ -158,6 +169,6 @@ def _serves(bench: Bench) -> bool:
     return bench.mission is None and bench.script is None and not judged and not config.companion.control
 
 
-def _overridden(run: RunContext, name: str) -> list[Any]:
-    """Return this method of each part that overrides it, so that other parts cost no time in a tick."""
-    return [getattr(part, name) for part in run.parts if getattr(type(part), name) is not getattr(Part, name)]
+def _overriding(run: RunContext, name: str) -> list[Part]:
+    """Return the parts that override this method, so that other parts cost no time in a tick."""
+    return [part for part in run.parts if getattr(type(part), name) is not getattr(Part, name)]

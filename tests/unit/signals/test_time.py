@@ -37,6 +37,12 @@ def test_event_n_falls_on_the_first_tick_at_or_after_its_time(event: int, tick: 
         n += 1
     assert due == expected
     assert [k for k in range(ticks) if is_due(k, event_millihz=event, tick_millihz=tick)] == expected
+    stepped, k = [], 0
+    rate = RateAccumulator(event_millihz=event, tick_millihz=tick)
+    while k < ticks:
+        stepped.append(k)
+        k += 1 + rate.idle_ticks()
+    assert stepped == expected
 
 
 def test_period() -> None:

@@ -68,15 +68,18 @@ class CrashPart(Part):
         self._crashed_s: float | None = None  # since the start
 
     def begin(self, run: RunContext) -> None:
-        self._run = run
+        self._run, self._scheduler = run, run.scheduler
+        self._launched = run.physics.launching
         x, y, z = run.physics.state[:3].tolist()
         self._start_z_m = z
         self._has_plan = bool(run.legs)
         self._allowed_W = [(x, y, z), *(leg.end_W for leg in run.legs[-1:])]
 
     def after_tick(self, tick: int) -> None:  # noqa: ARG002 (the truth has its tick)
-        truth = self._run.scheduler.truth
-        if truth is None or self._reason is not None or self._run.physics.launching:
+        truth = self._scheduler.truth
+        if truth is None or self._reason is not None:
+            return
+        if self._launched and self._run.physics.launching:
             return
         previous, self._previous = self._previous, truth
         if not truth.in_contact:
@@ -123,7 +126,7 @@ class CrashPart(Part):
             self._crashed(truth, _speed_mps(truth), "it lies on its side or back")
 
     def _rests(self, truth: TruthState) -> None:
-        armed = self._run.scheduler.actuators.armed
+        armed = self._scheduler.actuators.armed
         if self._rest_ns is None or not armed or _speed_mps(truth) > REST_SPEED_MPS or self._allowed(truth.p_WB):
             self._resting_ns = None
         elif self._resting_ns is None:

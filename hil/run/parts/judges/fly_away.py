@@ -25,7 +25,7 @@ class FlyAwayPart(Part):
 
     def __init__(self, limit_m: float, goal_W: Vec3 | None, tick_ns: int) -> None:
         self._limit_m, self._goal_W = limit_m, goal_W
-        self._period_ticks = max(1, _PERIOD_NS // tick_ns)
+        self.every_ticks = max(1, _PERIOD_NS // tick_ns)
         self._reason: str | None = None
 
     def begin(self, run: RunContext) -> None:
@@ -39,9 +39,9 @@ class FlyAwayPart(Part):
         self._where = "its start"
         self._where += " and its plan" if run.legs else "" if self._goal_W is None else " and the way to its goal"
 
-    def after_tick(self, tick: int) -> None:
+    def after_tick(self, tick: int) -> None:  # noqa: ARG002 (the truth has its tick)
         truth = self._run.scheduler.truth
-        if tick % self._period_ticks or truth is None or self._reason is not None:
+        if truth is None or self._reason is not None:
             return
         away_m = distance_m(truth.p_WB, self._starts_W, self._ends_W)
         if not away_m <= self._limit_m:

@@ -39,7 +39,8 @@ class AutopilotPart(Part):
         self._processors: LockstepProcessors | None = None
         self._denied: dict[str, list[str]] = {}  # scheduling that the sender and the bench were not granted
         self._began_s = 0.0  # by `time.time`
-        self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
+        self._shared: LockstepProcessors | None = None  # with a processor that both share, while it is watched
+        self.every_ticks = bench.config.tick_hz  # between two looks at it
 
     def check(self) -> None:
         check_ports(self._bench)
@@ -76,7 +77,7 @@ class AutopilotPart(Part):
             with LockstepProcessors(link.pid, share=config.autopilot.share_processor) as self._processors:
                 if self._processors.shared:
                     run.scheduler.record_first = True
-                    self._check_period_ticks = config.tick_hz
+                    self._shared = self._processors
                 elif self._processors.separate:
                     link.busy_wait_ns = _BUSY_WAIT_NS
                 yield
@@ -95,12 +96,12 @@ class AutopilotPart(Part):
                 self._run.say("timing", "not granted to the " + "; to the ".join(texts))
             yield
 
-    def after_tick(self, tick: int) -> None:
-        if self._processors is None or not self._check_period_ticks or tick % self._check_period_ticks:
+    def after_tick(self, tick: int) -> None:  # noqa: ARG002 (only the time between two calls counts)
+        if self._shared is None:
             return
-        warning = self._processors.watch(self._check_period_ticks * self._bench.config.tick_ns)
+        warning = self._shared.watch(self.every_ticks * self._bench.config.tick_ns)
         if warning is not None:
-            self._check_period_ticks = 0
+            self._shared = None
             self._run.scheduler.record_first = False
             self._run.event("warning", warning)
 

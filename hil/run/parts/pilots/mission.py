@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
 from hil.config import Bench
 from hil.run.autopilot import grid_ns
@@ -35,7 +36,7 @@ class MissionPart(Part):
         return self._station.statustexts if self._station is not None and self._flies else []
 
     def ended(self) -> bool:
-        return self._station is not None and self._flies and self._station.phase.value == "done"
+        return self._station is not None and self._flies and self._station.phase is Phase.DONE
 
     def finish(self, run: RunContext) -> None:
         record_texts(run.recorder, self.texts())

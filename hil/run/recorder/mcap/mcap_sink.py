@@ -11,8 +11,8 @@ actuators, a running count for MAVLink and events.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from hil.run.recorder.detection_series import DetectionSeries
 from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
-from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
+from hil.run.recorder.mcap.cdr import Layout, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile, Topics
 from hil.run.recorder.mcap.topics import (
     ACTUATOR_TOPICS,
@@ -38,9 +38,6 @@ from signals.errors import RecordingError
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
 from signals.time import NS_PER_S
 
-# MCAP record prefix, CDR header, stamp, message id and byte count of a hil_msgs/MavlinkFrame
-_FRAME_HEAD = struct.Struct(MESSAGE_PREFIX.format + "4siIII")
-_FRAME_FIXED = _FRAME_HEAD.size - 9
 _LEVELS = {"debug": 10, "warning": 30, "error": 40}
 _INFO = 20
 
@@ -124,28 +121,30 @@ class MavlinkSeries:
 
     def __init__(self, file: Topics, topic: str) -> None:
         type_name = "hil_msgs/MavlinkFrame"
-        self.pending = PendingRecords(file.channel(topic, type_name, schema_text(type_name)))
+        self._channel = file.channel(topic, type_name, schema_text(type_name))
+        self._layout = Layout(type_name, channel=self._channel, lengths={"data": 0})  # the data follow
         self._count = 0
+        self.frames: list[tuple[int, int, bytes]] = []  # time [ns], message id and bytes, since the last chunk
 
-    def add(self, t_ns: int, msgid: int, raw: bytes) -> None:
-        """Add one frame."""
-        n = len(raw)
-        seconds = t_ns // NS_PER_S
-        head = _FRAME_HEAD.pack(
-            MESSAGE_OPCODE,
-            _FRAME_FIXED + n,
-            self.pending.channel,
-            self._count & 0xFFFFFFFF,
-            t_ns,
-            t_ns,
-            CDR_HEADER,
-            seconds,
-            t_ns - seconds * NS_PER_S,
-            msgid,
-            n,
-        )
-        self._count += 1
-        self.pending.add(t_ns, head + raw)
+    def block(self) -> Block:
+        """Return the records of all frames added since the last call."""
+        n = len(self.frames)
+        if not n:
+            return Block(self._channel, (), np.empty(0, np.uint64), np.empty(0, np.uint64))
+        times_ns, msgids, data = zip(*self.frames, strict=True)
+        log_ns, sizes = np.array(times_ns), np.array([*map(len, data)])
+        heads = self._layout.records(n)
+        heads["$length"] += sizes.astype(np.uint64)
+        heads["$sequence"] = np.arange(self._count, self._count + n) & 0xFFFFFFFF
+        heads["$log"] = heads["$publish"] = log_ns
+        heads["stamp.sec"], heads["stamp.nanosec"] = np.divmod(log_ns, NS_PER_S)
+        heads["msgid"], heads["data$length"] = msgids, sizes
+        self._count += n
+        self.frames.clear()
+        parts = chain.from_iterable(zip(heads.view(f"V{heads.itemsize}").tolist(), data, strict=True))
+        ends = np.cumsum(sizes + heads.itemsize, dtype=np.uint64)
+        offsets = np.concatenate([np.zeros(1, np.uint64), ends[:-1]])
+        return Block(self._channel, tuple(parts), log_ns.astype(np.uint64), offsets)
 
 
 class EventSeries:
@@ -210,10 +209,11 @@ class McapSink:
         self._events = EventSeries(self._mcap)
         self._detections: dict[str, DetectionSeries] = {}
 
-    @property
-    def pending_frames(self) -> int:
-        """Number of MAVLink frames since the last flush."""
-        return len(self._sent.pending) + len(self._received.pending)
+    def holds(self, frames: int, picture_bytes: int) -> bool:
+        """Return True if it holds more MAVLink frames than this, or more bytes of pictures and point clouds."""
+        if len(self._sent.frames) + len(self._received.frames) > frames:
+            return True
+        return bool(self._frames) and self.pending_bytes > picture_bytes
 
     @property
     def pending_bytes(self) -> int:
@@ -235,14 +235,14 @@ class McapSink:
 
     def sample(self, port: str, sample: Sample) -> None:
         """Record a sample released on `port`."""
-        if isinstance(sample, FRAME_SAMPLES):
-            frames = self._frames.get(port)
-            if frames is None:
-                frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
-            frames.add(sample, self._now_ns)
-            return
         series = self._samples.get(port)
         if series is None:
+            if isinstance(sample, FRAME_SAMPLES):
+                frames = self._frames.get(port)
+                if frames is None:
+                    frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
+                frames.add(sample, self._now_ns)
+                return
             topics = SAMPLE_TOPICS.get(type(sample))
             if topics is None:
                 known = ", ".join(kind.__name__ for kind in SAMPLE_TOPICS)
@@ -261,12 +261,12 @@ class McapSink:
     def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
         """Record the frames sent in a tick, as returned by `split_frames`."""
         for msgid, raw in pieces:
-            self._sent.add(t_ns, msgid, raw)
+            self._sent.frames.append((t_ns, msgid, raw))
 
     def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
         """Record the frames received in a tick."""
         for frame in frames:
-            self._received.add(t_ns, frame.msgid, frame.raw)
+            self._received.frames.append((t_ns, frame.msgid, frame.raw))
 
     def actuators(self, frame: ActuatorFrame) -> None:
         """Record the command latched in a tick."""
@@ -293,7 +293,7 @@ class McapSink:
         for frames in self._frames.values():
             blocks += frames.blocks(self._mcap)
         blocks += [mount.pending.block() for mount in self._mounts]
-        blocks += [self._sent.pending.block(), self._received.pending.block()]
+        blocks += [self._sent.block(), self._received.block()]
         blocks += self._actuators.blocks(self._mcap, self._tick_ns)
         for detections in self._detections.values():
             blocks += detections.blocks(self._mcap)

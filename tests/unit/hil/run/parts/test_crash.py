@@ -24,7 +24,7 @@ PLAN = load_bench()
 class Judged:
     """A crash part with a vehicle that is put where the test wants it."""
 
-    def __init__(self, limits: Crash | None = None, *, plan: bool = True) -> None:
+    def __init__(self, limits: Crash | None = None, *, plan: bool = True, launching: bool = False) -> None:
         self.events: list[str] = []
         self.scheduler = SimpleNamespace(truth=None, actuators=SimpleNamespace(armed=True))
         self.now_ns_value = 0
@@ -35,7 +35,7 @@ class Judged:
             legs=legs,
             now_ns=lambda: self.now_ns_value,
             event=lambda _kind, text: self.events.append(text),
-            physics=SimpleNamespace(state=_Start(), launching=False),
+            physics=SimpleNamespace(state=_Start(), launching=launching),
         )
         self.physics = run.physics
         self.tick = 0
@@ -163,8 +163,7 @@ def test_a_stopped_rotor_ends_the_run_with_its_cause_first(tmp_path: Path) -> No
 
 
 def test_what_a_launcher_holds_has_not_crashed() -> None:
-    judged = Judged()
-    judged.physics.launching = True
+    judged = Judged(launching=True)
     assert not judged.stay(3.0, (0.0, 0.0, 1.2), q=ON_ITS_SIDE, contact=True)
     judged.physics.launching = False
     assert judged.stay(3.0, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
