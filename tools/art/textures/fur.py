@@ -59,7 +59,7 @@ def _golden() -> Image:
     over(image, (0.57, 0.41, 0.24), 0.7 * step(0.72, 0.95, height + _uneven("back", 0.3)))
     over(image, (0.50, 0.34, 0.19), 0.8 * _along("ear")[0])
     leg, along = _along("leg")
-    over(image, (0.80, 0.68, 0.50), 0.6 * leg * step(0.3, 1.0, along) * step(0.7, 0.3, height))
+    over(image, (0.80, 0.68, 0.50), 0.5 * leg * step(0.3, 1.0, along))
     head, nose = _along("head")
     over(image, (0.76, 0.62, 0.44), head * step(0.55, 0.75, nose))
     return image
