@@ -50,7 +50,12 @@ def _textures() -> dict[str, Callable[[], bytes]]:
         made[f"facade_{style}_shops"] = partial(facade_tiles.ground, style, shops=True)
     for number in range(vehicles.PLATES):
         made[f"plate_{number}"] = partial(vehicles.plate, number)
-    made |= {"paint_reflection": vehicles.reflection, "vehicle_glass": vehicles.glass, "vehicle_box": vehicles.box_body, "stop_sign": stop_sign}
+    made |= {
+        "paint_reflection": vehicles.reflection,
+        "vehicle_glass": vehicles.glass,
+        "vehicle_box": vehicles.box_body,
+        "stop_sign": stop_sign,
+    }
     return {f"textures/{name}.png": partial(_png, make) for name, make in made.items()}
 
 

@@ -20,7 +20,9 @@ def coat(name: str) -> NDArray[np.uint8]:
     """Return the fur of a coat of `dog_coat.COATS`, (256, 256, 3)."""
     image = _PATTERNS[name]()
     # Hair lies along the body: streaks longer than wide, and locks.
-    hair = 0.35 * clouds(f"fur.{name}", 120, 60) + 0.30 * grain(f"fur.{name}") + 0.35 * clouds(f"fur.lock.{name}", 14, 20)
+    hair = (
+        0.35 * clouds(f"fur.{name}", 120, 60) + 0.30 * grain(f"fur.{name}") + 0.35 * clouds(f"fur.lock.{name}", 14, 20)
+    )
     image *= 0.80 + 0.40 * hair
     # Less light arrives below.
     image *= 1.0 - 0.22 * step(0.35, 0.05, _height())
@@ -76,7 +78,11 @@ def _black() -> Image:
     over(image, white, neck * step(0.42, 0.28, height))
     head, nose = _along("head")
     over(image, rust, head * step(0.45, 0.60, nose) * step(0.80, 0.65, height))
-    over(image, rust, head * step(0.36, 0.42, nose) * step(0.52, 0.46, nose) * step(0.93, 0.86, height) * step(0.6, 0.7, height))
+    over(
+        image,
+        rust,
+        head * step(0.36, 0.42, nose) * step(0.52, 0.46, nose) * step(0.93, 0.86, height) * step(0.6, 0.7, height),
+    )
     over(image, white, head * step(0.40, 0.55, nose) * step(0.86, 0.93, height))
     over(image, white, head * step(0.80, 0.90, nose))
     leg, down = _along("leg")

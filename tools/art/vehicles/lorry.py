@@ -63,8 +63,8 @@ def lorry_parts() -> Parts:
         # Side marker lamps along the lower edge of the body.
         for x in (-3.7, -2.2, -0.7, 0.8, 1.85):
             add_side_sheet(parts["lit"], x - 0.06, x + 0.06, 1.035, 1.085, side * (_HALF + 0.012))
-        y0, y1 = sorted((side * 0.70, side * 1.08))
-        add_end_sheet(parts["lit"], 3.995, 3.995, y1 - 0.10 if side > 0 else y0, y1 if side > 0 else y0 + 0.10, 0.58, 0.64, 1.0)
+        y0, y1 = sorted((side * 0.98, side * 1.08))
+        add_end_sheet(parts["lit"], 3.995, 3.995, y0, y1, 0.58, 0.64, 1.0)
         add_box(trim, (2.70, side * _CAB - 0.03, 1.36), (2.90, side * _CAB + 0.03, 1.41))
         add_ellipsoid(trim, (3.86, side * 1.32, 1.98), (0.07, 0.10, 0.24), rings=5, sides=8)
         add_tube(trim, [(3.70, side * 1.06, 2.32), (3.86, side * 1.32, 2.20)], 0.02, 5)
@@ -81,7 +81,7 @@ def lorry_parts() -> Parts:
 
 
 def _add_body(box: Mesh) -> None:
-    """Add the box body. Texture: its sides in the upper half, doors and roof in the lower one (textures/vehicles.py)."""
+    """Add the box body. Its texture has the sides in the upper half, doors and roof in the lower one."""
     low, high = 1.02, 3.3
     for side in (1.0, -1.0):
         y = side * _HALF
