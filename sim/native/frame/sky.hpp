@@ -6,8 +6,9 @@
 // thickness there is the sum of two looks at a tile of noise (sky_pattern.hpp), of different sizes, so that no period
 // shows. A share c of the sky is covered where the sum is above 1 - c, about; thick clouds are darker in the middle.
 //
-// Distant land: two ranges of hills above the horizon, wooded and hazy. An infinite plane turns into fields between
-// 150 m and 500 m; from there on air lies before it (a share r / (r + 5000 m) over a range r).
+// Distant land: two ranges of hills above the horizon, wooded and hazy. Between 150 m and 400 m fields of corn and bare
+// earth and woods appear on an infinite plane, which keeps its own colour between them; from there on air lies before it
+// (the share 0.8 r / (r + 5000 m) over r, the range beyond 150 m).
 #pragma once
 
 #include "resolve.hpp"
@@ -17,7 +18,7 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-constexpr float kFieldsFrom_m = 150.0f, kFieldsTo_m = 500.0f;
+constexpr float kFieldsFrom_m = 150.0f, kFieldsTo_m = 400.0f;
 
 HIL_INLINE Rgb plain_sky(const Daylight &light, const F &up) {
     const F w = min(max(up, splat<F>(0)), splat<F>(1)), k = w * (2.0f - w);
@@ -98,9 +99,9 @@ HIL_NOINLINE Rgb distant_ground(const Daylight &light, const SkyPattern &pattern
     const F column = floor(x * (1.0f / 170.0f) + y * (1.0f / 900.0f)), row = floor(y * (1.0f / 110.0f) - x * (1.0f / 700.0f));
     const F crop = tile_at(pattern.tile.data(), column * 0.3819f, row * 0.2764f);
     const F grown = tile_at(pattern.tile.data(), x * (1.0f / 260.0f), y * (1.0f / 260.0f));
-    const Rgb meadow = lit_land(light, 0.10f, 0.15f, 0.045f), wheat = lit_land(light, 0.30f, 0.25f, 0.11f);
+    const Rgb wheat = lit_land(light, 0.30f, 0.25f, 0.11f);
     const Rgb earth = lit_land(light, 0.16f, 0.12f, 0.08f), wood = lit_land(light, 0.035f, 0.06f, 0.022f);
-    Rgb field = mixed(meadow, wheat, smooth_step((crop - 0.52f) * 14.0f));
+    Rgb field = mixed(c, wheat, smooth_step((crop - 0.52f) * 14.0f));
     field = mixed(field, earth, smooth_step((0.42f - crop) * 14.0f));
     field = mixed(field, wood, smooth_step((grown - 0.56f) * 20.0f));
     const Rgb far = mixed(c, field, smooth_step((range - kFieldsFrom_m) * (1.0f / (kFieldsTo_m - kFieldsFrom_m))));
