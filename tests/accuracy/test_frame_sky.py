@@ -71,7 +71,7 @@ def test_without_clouds_the_sky_above_the_hills_is_plain(plane: FrameGeometry) -
         expected = horizon + k * (zenith - horizon)
         seen = linear(np.asarray(taken(plane, SURROUNDED, view, light=light)["rgb"], float))
         sky = up[..., 0] > HILLS_END
-        assert np.abs(seen - expected)[sky].max() < 0.006  # half a code, and the fit of the curve of sRGB
+        assert np.abs(seen - expected)[sky].max() < 0.009  # 1.2 codes: rounding, and the fit of the curve of sRGB
 
 
 def test_the_sky_is_covered_as_asked(plane: FrameGeometry) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.maps.texture_tools import clouds
+from sim.scene.maps.texture_tools import Image, clouds
 from sim.scene.maps.vehicles.paints import PLATES
 from tools.art.textures.dot_font import write
 from tools.art.textures.layers import step
@@ -78,7 +78,7 @@ def box_body() -> NDArray[np.uint8]:
         u = np.broadcast_to((np.arange(columns) + 0.5) / columns, size)
         v = np.broadcast_to((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], size)
         dirt = 0.6 * clouds(f"lorry.{name}", 40, 3, size) + 0.4 * clouds(f"lorry.fine.{name}", 24, 10, size)
-        light = 0.80 - 0.10 * step(0.45, 0.8, dirt) - 0.16 * step(0.30, 0.0, v) * dirt
+        light: Image = 0.80 - 0.10 * step(0.45, 0.8, dirt) - 0.16 * step(0.30, 0.0, v) * dirt
         place = (u * panels) % 1.0 if name != "roof" else (v * panels) % 1.0
         light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
         seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
