@@ -85,20 +85,20 @@ def box_body() -> NDArray[np.uint8]:
         light = np.where(seam, 0.46, light)
         sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
     whole, doors, roof = sheets
-    v = 1.0 - (np.arange(128) + 0.5) / 128.0
-    u = (np.arange(512) + 0.5) / 512.0
-    # A band of two blues that rises towards the cab, and the name above it.
-    rise = v[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * u[None, :])
+    up = 1.0 - (np.arange(128) + 0.5) / 128.0
+    along = (np.arange(512) + 0.5) / 512.0
+    # A blue band and an orange one that rise towards the cab, and the name above them.
+    rise = up[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * along[None, :])
     for low, high, rgb in ((0.20, 0.40, (0.13, 0.26, 0.44)), (0.42, 0.47, (0.85, 0.45, 0.14))):
         inside = (rise > low) & (rise < high)
         whole[inside] = np.array(rgb) * (whole[inside] / 0.8)
-    tape = (v > 0.02) & (v < 0.055)
+    tape = (up > 0.02) & (up < 0.055)
     red = (np.arange(512) // 16) % 2 == 0
     for sheet, width in ((whole, 512), (doors, 256)):
         sheet[tape] = np.where(red[None, :width, None], (0.62, 0.10, 0.10), (0.80, 0.80, 0.80))
-    doors[(v > 0.60) & (v < 0.64)] *= 0.82  # shade below the hinges' rail
+    doors[(up > 0.60) & (up < 0.64)] *= 0.82  # shade below the hinges' rail
     for sheet in (whole, doors):
-        sheet[v > 0.965] *= 0.72  # shade of the upper rail
+        sheet[up > 0.965] *= 0.72  # shade of the upper rail
     image = np.concatenate([whole, np.concatenate([doors, roof], axis=1)]) * 255.0 + 0.5
     pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)
     write(pixels, "TRANSPORT", (22, 126), (5, 4), 29, (33, 66, 112))
