@@ -111,7 +111,7 @@ class FrameRenderer:
             supersample //= 2
         extinction_per_m = geometry.world.scene.extinction_per_m if light is None else light.fog_per_m
         light = light if light is not None else geometry.world.scene.light
-        self._light = daylight(light, extinction_per_m)
+        self._light = daylight(light, extinction_per_m, surroundings=shading.surroundings)
         self._shadows: SunShadows | None = None
         self._sky = sky_visibility(geometry, isa) if shading.ambient_occlusion else None
         if shadows and light.sun_elevation_deg > 0.0:
@@ -233,8 +233,8 @@ def _picture(
     return Picture(geometry.native, scenery, np.ascontiguousarray(scaled.rays(), np.float64), isa, shading)
 
 
-def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
-    """Return the light of a scene for the kernels."""
+def daylight(light: Light, extinction_per_m: float = 0.0, *, surroundings: bool = False) -> Daylight:
+    """Return the light of a scene for the kernels. `surroundings`: clouds, and distant land at the horizon."""
     hazy = light_in_haze(light, extinction_per_m)
     ambient = hazy.ambient_rgb
     ground = (_GROUND_LIGHT * ambient[0], _GROUND_LIGHT * ambient[1], _GROUND_LIGHT * ambient[2])
@@ -248,6 +248,7 @@ def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
         hazy.air_rgb,
         extinction_per_m,
         HAZE_M,
+        light.clouds if surroundings else -1.0,
     )
 
 

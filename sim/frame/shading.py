@@ -29,6 +29,7 @@ class Shading:
     # Pixels on outlines of things have the mean of what covers them (sim/native/frame/outlines.hpp). Of no effect where
     # every pixel takes several samples.
     smooth_edges: bool = False
+    surroundings: bool = False  # clouds in the sky, hills at the horizon, fields on a distant plane
     tone: ToneCurve = "linear"
     exposure_ev: float = 0.0  # doublings of the light
     white_balance_k: float = SRGB_WHITE_K
@@ -48,7 +49,9 @@ class Shading:
 PLAIN = Shading()
 MEAN_COLOURS = Shading(textures=False)
 # Half a stop up: cameras meter scenes of grass, asphalt and brick, which are darker than a grey card.
-FULL = Shading(filtering=True, highlights=True, relief=True, smooth_edges=True, tone="filmic", exposure_ev=0.5)
+FULL = Shading(
+    filtering=True, highlights=True, relief=True, smooth_edges=True, surroundings=True, tone="filmic", exposure_ev=0.5
+)
 OCCLUDED = replace(FULL, ambient_occlusion=True)
 # Settings that belong to a level of quality.
 LEVELLED = (
@@ -58,6 +61,7 @@ LEVELLED = (
     "relief",
     "ambient_occlusion",
     "smooth_edges",
+    "surroundings",
     "tone",
     "exposure_ev",
 )

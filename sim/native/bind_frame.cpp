@@ -198,7 +198,7 @@ void bind_frame(nb::module_ &m) {
         .def(
             "__init__",
             [](fr::Daylight *self, const Rgb &sun_W, const Rgb &sun, const Rgb &sky, const Rgb &ground, const Rgb &zenith,
-               const Rgb &horizon, const Rgb &air, float extinction, float haze) {
+               const Rgb &horizon, const Rgb &air, float extinction, float haze, float clouds) {
                 new (self) fr::Daylight();
                 set(self->sun_W, sun_W);
                 set(self->sun_rgb, sun);
@@ -209,9 +209,10 @@ void bind_frame(nb::module_ &m) {
                 set(self->air_rgb, air);
                 self->extinction_per_m = extinction;
                 self->haze_m = haze;
+                self->clouds = clouds;
             },
             "sun_W"_a, "sun_rgb"_a, "sky_rgb"_a, "ground_rgb"_a, "zenith_rgb"_a, "horizon_rgb"_a, "air_rgb"_a,
-            "extinction_per_m"_a, "haze_m"_a);
+            "extinction_per_m"_a, "haze_m"_a, "clouds"_a = -1.0f);
 
     nb::class_<fr::SunShadows>(m, "SunShadows", "Shadow maps of the sun (frame/picture.hpp).")
         .def(

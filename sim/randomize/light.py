@@ -50,6 +50,7 @@ def draw_light(limits: LightLimits, seed: int) -> Light:
         ambient_rgb=_times(_mix(_BLUE_LIGHT, _GREY_LIGHT, grey), level * share),
         sky_zenith_rgb=_times(_mix(_BLUE_ZENITH, _GREY_ZENITH, grey), brightness),
         sky_horizon_rgb=_times(glow, brightness),
+        clouds=0.25 + 0.75 * grey,
     )
 
 

@@ -50,6 +50,7 @@ class Light(StrictModel):
     sky_zenith_rgb: Rgb = (0.16, 0.34, 0.70)
     sky_horizon_rgb: Rgb = (0.62, 0.74, 0.88)
     fog_per_m: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    clouds: Annotated[float, Field(ge=0.0, le=1.0)] = 0.4  # share of the sky that they cover; cast no shadows
 
     @field_validator("utc")
     @classmethod

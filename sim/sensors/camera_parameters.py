@@ -132,6 +132,7 @@ class CameraParameters(StrictModel):
     relief: bool = False  # textures of normals
     ambient_occlusion: bool = False
     smooth_edges: bool = False  # colour by coverage on outlines; supersample does so everywhere
+    surroundings: bool = False  # clouds, and distant land at the horizon
     tone: ToneCurve = "linear"
     exposure_ev: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0  # doublings of the light, before the tone curve
     white_balance_k: Annotated[float, Field(ge=4000.0, le=25_000.0)] = SRGB_WHITE_K

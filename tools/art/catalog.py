@@ -8,10 +8,11 @@ from typing import Any, get_args
 
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.objects.animals import BIRD_SCALE
+from sim.scene.maps.objects.dog_coat import COATS
 from sim.scene.maps.plants.species import SPECIES
 from sim.scene.maps.season import Season
 from tools.art.glb import Pieces, glb
-from tools.art.objects import animals, belongings, bench, street_signs
+from tools.art.objects import animals, belongings, bench, dog, street_signs
 from tools.art.people import wheelchair
 from tools.art.people.body_build import BUILDS
 from tools.art.people.body_meshes import PARTS, body_mesh
@@ -19,7 +20,7 @@ from tools.art.plants import conifers
 from tools.art.plants.branches import branches
 from tools.art.plants.cards import FORMS, bough
 from tools.art.png import png, quantised
-from tools.art.textures import cloth, facade_tiles, leaves, plain, vehicles
+from tools.art.textures import cloth, facade_tiles, fur, leaves, plain, vehicles
 from tools.art.textures.stop_sign import stop_sign
 from tools.art.vehicles import catalog as vehicle_models
 
@@ -37,6 +38,7 @@ _HEDGE = 1.15
 def _textures() -> dict[str, Callable[[], bytes]]:
     made: dict[str, Callable[[], Any]] = {name: partial(_drawn, make) for name, make in plain.MAKERS.items()}
     made |= {name: partial(cloth.pixels, name) for name in cloth.MAKERS}
+    made |= {f"fur_{name}": partial(fur.coat, name) for name in COATS}
     for season in SEASONS:
         for name in SPECIES:
             made[f"leaves_{name}_{season}"] = partial(leaves.leaves, name, season)
@@ -48,7 +50,12 @@ def _textures() -> dict[str, Callable[[], bytes]]:
         made[f"facade_{style}_shops"] = partial(facade_tiles.ground, style, shops=True)
     for number in range(vehicles.PLATES):
         made[f"plate_{number}"] = partial(vehicles.plate, number)
-    made |= {"paint_reflection": vehicles.reflection, "vehicle_glass": vehicles.glass, "stop_sign": stop_sign}
+    made |= {
+        "paint_reflection": vehicles.reflection,
+        "vehicle_glass": vehicles.glass,
+        "vehicle_box": vehicles.box_body,
+        "stop_sign": stop_sign,
+    }
     return {f"textures/{name}.png": partial(_png, make) for name, make in made.items()}
 
 
@@ -76,7 +83,7 @@ def _models() -> dict[str, Callable[[], bytes]]:
     for kind in BIRD_SCALE:
         made[f"objects/bird_{kind}"] = partial(_object, partial(animals.bird, kind))
     for name, parts in (
-        ("dog", animals.dog), ("backpack", belongings.backpack), ("parasol", belongings.parasol),
+        ("dog", dog.dog), ("backpack", belongings.backpack), ("parasol", belongings.parasol),
         ("pot", belongings.pot), ("bench", bench.bench), ("traffic_light", street_signs.signal),
         ("stop_sign", street_signs.stop_sign),
     ):  # fmt: skip

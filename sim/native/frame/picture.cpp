@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "sky_pattern.hpp"
+
 namespace hil::sim::frame {
 
 HIL_BY_ISA(ResolveKernels, resolve_kernels, resolve_kernels_of_isa)
@@ -223,6 +225,7 @@ ResolveJob Picture::job_of(const RasterCamera &camera, const Daylight &light, co
     job.scenery = &scenery_;
     job.out = out;
     job.light = &light;
+    if (light.clouds >= 0.0f && out.rgb != nullptr) job.pattern = &sky_pattern();
     job.shading = shading_;
     job.sky = sky;
     for (int i = 0; i < 9; ++i) job.camera_to_world[i] = static_cast<float>(camera.R_WC[i]);

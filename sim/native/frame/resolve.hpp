@@ -62,6 +62,8 @@ struct ShadowMap {
     std::int32_t areas_x = 0;
 };
 
+struct SkyPattern;
+
 struct ResolveJob {
     const VisibilityBuffer *buffer;
     const RayTable *rays;
@@ -77,6 +79,7 @@ struct ResolveJob {
     float sun_C[3], up_C[3];
     float pixel_angle_rad;  // of one pixel, for the choice of texture level
     const Daylight *light;
+    const SkyPattern *pattern = nullptr;  // of clouds and distant land; null: a plain sky
     Shading shading;
     const SkyVisibility *sky = nullptr;        // null: no ambient occlusion
     float camera_to_world[9], p_WC[3];

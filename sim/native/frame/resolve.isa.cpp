@@ -3,6 +3,7 @@
 #include "flat_faces.hpp"
 #include "lane_exp.hpp"
 #include "resolve.hpp"
+#include "sky.hpp"
 #include "surface_colour.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
@@ -96,12 +97,6 @@ HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangle
     return found;
 }
 
-HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
-    const F w = min(max(up, splat<F>(0)), splat<F>(1)), k = w * (2.0f - w);
-    const auto mix = [&](int i) { return light.horizon_rgb[i] + k * (light.zenith_rgb[i] - light.horizon_rgb[i]); };
-    return {mix(0), mix(1), mix(2)};
-}
-
 // Attenuates the light of a block by haze and adds the light of the air. Not inlined, because its registers would be
 // lost to the pictures in clear air, which are most.
 __attribute__((noinline)) void put_haze(const ResolveJob &job, const Vec<F> &d, const F &t, const I &seen, Rgb &c) {
@@ -136,7 +131,7 @@ __attribute__((noinline)) void put_highlights(const ResolveJob &job, const Appea
     const F up = mirrored.x * job.up_C[0] + mirrored.y * job.up_C[1] + mirrored.z * job.up_C[2];
     // A rough surface blurs the horizon.
     const F above = min(max(up * (0.5f / (1.05f - gloss)) + 0.5f, zero), one);
-    const Rgb over = sky(light, up);
+    const Rgb over = plain_sky(light, up);
     Vec<F> half{view.x + job.sun_C[0], view.y + job.sun_C[1], view.z + job.sun_C[2]};
     half = unit(half);
     const float exponent = 1024.0f * gloss * gloss * gloss;
@@ -391,11 +386,7 @@ HIL_INLINE void put_colour(const ResolveJob &job, const Place &at, Rgb colour) {
     const float *gain = job.shading.gain;
     const I seen = load<I>(b.geom.data() + 16 * at.block) >= splat<I>(0);
     const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
-    if (bits(seen) != 0xffffu) {
-        const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * (1.0f / length_of(d));
-        const Rgb above = sky(*job.light, up);
-        colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
-    }
+    put_surroundings(job, b.geom.data() + 16 * at.block, d, load<F>(b.t.data() + 16 * at.block), seen, colour);
     if (job.light->extinction_per_m > 0.0f) put_haze(job, d, load<F>(b.t.data() + 16 * at.block), seen, colour);
     if (job.shading.filmic || gain[0] != 1.0f || gain[1] != 1.0f || gain[2] != 1.0f) put_tone(job.shading, colour);
     put_rgb(job.out.rgb, b.width, at.x, at.y, at.columns, at.rows, encode(colour));

@@ -59,6 +59,8 @@ struct Daylight {
     float air_rgb[3] = {0.7f, 0.8f, 0.9f};
     float extinction_per_m = 0.0f;
     float haze_m = 0.0f;
+    // Share of the sky that clouds cover, with distant land at the horizon (sky.hpp); below 0: a plain sky, no land.
+    float clouds = -1.0f;
 };
 
 }  // namespace hil::sim::frame

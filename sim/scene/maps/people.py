@@ -79,9 +79,9 @@ class _Person:
         b, size = self._builder, self.chair_size
         named = "" if size == 1.0 else f"_{round(100 * size)}"
         made = (
-            ("tyres", b.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08), specular=0.0)),
+            ("tyres", b.material("chair_tyre", surfaces.RUBBER, rgb=(0.17, 0.17, 0.17), specular=0.0)),
             ("frame", b.material("chair_frame", surfaces.PAINTED_METAL, rgb=(0.30, 0.31, 0.33))),
-            ("seat", b.material("bag_black", surfaces.CLOTH, rgb=(0.10, 0.10, 0.11), specular=0.0)),
+            ("seat", b.material("chair_seat", surfaces.CLOTH, rgb=(0.20, 0.20, 0.21), specular=0.0)),
         )
         for name, material in made:
             mesh = model("people/wheelchair").mesh(name)

@@ -1,7 +1,8 @@
 """Leaf cards of a bough: twigs of leaves on triangles.
 
 A bough fills an ellipsoid: a whole crown, one of the lobes of a crown, or a bush. Its lengths are in its longest
-horizontal half axis. The corners' normals point away from the middle of the bough, so that it is shaded as one volume.
+horizontal half axis. Its leaves stand in clumps with hollows between them. The corners' normals point away from the
+middle of the bough and from that of their clump, so that light and shade show the clumps.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ class Form:
     cards: int  # of the whole ellipsoid; those within another bough are left out
     card: float  # length of a card
     core: float  # size of the inner body
+    clumps: int = 9
     lowest: float = -1.0  # directions below this height have no cards
     others: tuple[Vec3, ...] = ()
 
@@ -53,14 +55,16 @@ _LOBE, _LOBE_ROOT = (1.0, 0.925, 0.79), (-0.5, 0.0, -0.85)
 _TALL, _TALL_ROOT = (1.0, 0.925, 1.25), (-0.25, 0.0, -1.2)
 # The lobes of a crown are a third of a turn apart, each higher than the last; x points away from the trunk.
 FORMS = {
-    "whole": Form((1.0, 1.0, 0.85), (0.0, 0.0, -0.95), 64, 0.56, 0.74),
-    "lobe_0": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, 0.92))),
-    "lobe_1": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, -0.46))),
-    "lobe_2": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, -0.92), (-0.76, -0.44, -0.46))),
-    "tall_0": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.62, others=((-0.42, 0.0, 0.61),)),
-    "tall_1": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.62, others=((-0.42, 0.0, -0.61),)),
-    "bush": Form((1.0, 0.85, 0.8), (0.0, 0.0, -0.65), 34, 0.62, 0.72, lowest=-0.4),
+    "whole": Form((1.0, 1.0, 0.85), (0.0, 0.0, -0.95), 64, 0.56, 0.66, clumps=13),
+    "lobe_0": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.66, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, 0.92))),
+    "lobe_1": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.66, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, -0.46))),
+    "lobe_2": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.66, others=((-0.76, 0.44, -0.92), (-0.76, -0.44, -0.46))),
+    "tall_0": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.58, others=((-0.42, 0.0, 0.61),)),
+    "tall_1": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.58, others=((-0.42, 0.0, -0.61),)),
+    "bush": Form((1.0, 0.85, 0.8), (0.0, 0.0, -0.65), 34, 0.62, 0.66, clumps=11, lowest=-0.4),
 }
+_HOLLOW = 0.62  # cosine between the directions of a clump's middle and of the hollows round it
+_CLUMP = 0.55  # place of a clump's middle, as a share of the axes
 _INSIDE = 0.84  # size of the part of another bough that hides cards
 
 
@@ -137,11 +141,15 @@ def bough(form_name: str, variant: int, droop: float) -> tuple[CardMesh, Skeleto
     a, b, c = form.axes
     rng = RandomGenerator(variant, f"bough.{form_name}.{droop}")
     directions = [n for n in sphere_points(form.cards, rng.unit()) if n[2] > form.lowest and not _hidden(form, n)]
-    # Some cards reach out, others stay behind, so that the outline is uneven.
-    targets = []
+    # Cards reach out where a clump is, and stay behind between clumps: the outline is uneven.
+    clumps = sphere_points(form.clumps, rng.unit())
+    targets, middles = [], []
     for x, y, z in directions:
-        r = rng.between(0.71, 0.90)
+        near, clump = max((x * p[0] + y * p[1] + z * p[2], p) for p in clumps)
+        within = min(max((near - _HOLLOW) / (1.0 - _HOLLOW), 0.0), 1.0)
+        r = rng.between(0.64, 0.74) + 0.25 * within
         targets.append((r * a * x, r * b * y, r * c * z))
+        middles.append((_CLUMP * a * clump[0], _CLUMP * b * clump[1], _CLUMP * c * clump[2]))
     skeleton = grow(form.root, targets, step=_STEP, tip_radius=0.0055, droop=droop)
     cards = CardMesh.empty()
     for k, (n, target) in enumerate(zip(directions, targets, strict=True)):
@@ -161,6 +169,8 @@ def bough(form_name: str, variant: int, droop: float) -> tuple[CardMesh, Skeleto
         normals = []
         for corner in (base, along(end, right, 0.5 * abs(wide)), along(end, right, -0.5 * abs(wide))):
             away = unit((corner[0] / (a * a), corner[1] / (b * b), (corner[2] + 0.15) / (c * c)))
-            normals.append(weighted((1.0, away), (0.30, lean)))
+            mx, my, mz = middles[k]
+            apart = unit((corner[0] - mx, corner[1] - my, corner[2] - mz))
+            normals.append(weighted((0.5, away), (1.0, apart), (0.30, lean)))
         fan(cards, base, d, facing, (long, wide), k, normals)
     return cards, skeleton

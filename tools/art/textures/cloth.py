@@ -50,11 +50,12 @@ def _grey(value: Image) -> Image:
 
 
 def _folds() -> Image:
-    """Return the light on creased cloth: slanting folds of several widths."""
-    wide, fine = _noise("folds", 5, 4), _noise("folds", 9, 14)
-    sheared = np.stack([np.roll(wide[i], i // 2) for i in range(_SIDE_PX)])
-    ridge = np.abs(2.0 * sheared - 1.0)
-    return 0.74 + 0.20 * np.minimum(1.0, 1.6 * ridge) + 0.08 * fine - 0.02 * _noise("weave", 64, 64)
+    """Return the light on creased cloth: slanting folds of several widths, and creases between them."""
+    wide, fine, small = _noise("folds", 5, 4), _noise("folds", 9, 14), _noise("creases", 11, 7)
+    sheared, slanted = (np.stack([np.roll(a[i], i // 2) for i in range(_SIDE_PX)]) for a in (wide, small))
+    ridge, crease = np.abs(2.0 * sheared - 1.0), np.abs(2.0 * slanted - 1.0)
+    light = 0.70 + 0.24 * np.minimum(1.0, 1.6 * ridge) + 0.12 * fine - 0.02 * _noise("weave", 64, 64)
+    return light - 0.16 * np.maximum(0.0, 1.0 - 9.0 * crease) * fine
 
 
 def _plain() -> Image:

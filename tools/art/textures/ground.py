@@ -18,8 +18,9 @@ def _grass() -> Image:
     size = _LARGE
     tufts = 0.5 * clouds("grass.tuft", 150, 150, size) + 0.5 * clouds("grass.clump", 56, 56, size)
     blades = 0.45 * grain("grass", size) + 0.3 * clouds("grass.blade", 340, 200, size) + 0.25 * tufts
-    t = 0.5 * blades + 0.35 * tufts + 0.3 * (clouds("grass.patch", 5, 5, size) - 0.35)
-    image = mix((0.265, 0.300, 0.185), (0.510, 0.530, 0.345), t)
+    # Blades in the sun before the dark between them: the wide range is what tells grass from paint when it is near.
+    t = 0.5 + 1.15 * (blades - 0.5) + 0.30 * (tufts - 0.5) + 0.3 * (clouds("grass.patch", 5, 5, size) - 0.45)
+    image = mix((0.205, 0.240, 0.120), (0.565, 0.585, 0.390), t)
     far = 0.55 * clouds("grass.wide", 3, 3, size) + 0.45 * clouds("grass.mid", 11, 11, size)
     worn = step(0.50, 0.85, far + 0.28 * (tufts - 0.5))
     image = over(image, (0.495, 0.470, 0.300), 0.55 * worn * (0.45 + 0.8 * blades))

@@ -1,17 +1,17 @@
-"""Textures of vehicles: number plates, what paint reflects, panes."""
+"""Textures of vehicles: number plates, what paint reflects, panes, the box body of a lorry."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.maps.texture_tools import clouds
+from sim.scene.maps.texture_tools import Image, clouds
 from sim.scene.maps.vehicles.paints import PLATES
 from tools.art.textures.dot_font import write
 from tools.art.textures.layers import step
 from tools.art.vehicles.lofts import at_knots
 
-__all__ = ["PLATES", "glass", "plate", "reflection"]
+__all__ = ["PLATES", "box_body", "glass", "plate", "reflection"]
 
 # Brightness of what the paint of an upright side reflects, by the share of the height: the shade below the car, the
 # road, what stands along it, and from the shoulder on the sky.
@@ -64,3 +64,42 @@ def glass() -> NDArray[np.uint8]:
         halves.append(image)
     image = np.concatenate(halves) + 0.5
     return image.astype(np.uint8)
+
+
+def box_body() -> NDArray[np.uint8]:
+    """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
+
+    White sheet in panels with seams and rivets, streaks of dirt, a livery, and the reflecting tape of the lower edge.
+    """
+    side, half = (128, 512), (128, 256)
+    sheets = []
+    for name, size, panels in (("side", side, 8), ("doors", half, 4), ("roof", half, 6)):
+        rows, columns = size
+        u = np.broadcast_to((np.arange(columns) + 0.5) / columns, size)
+        v = np.broadcast_to((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], size)
+        dirt = 0.6 * clouds(f"lorry.{name}", 40, 3, size) + 0.4 * clouds(f"lorry.fine.{name}", 24, 10, size)
+        light: Image = 0.80 - 0.10 * step(0.45, 0.8, dirt) - 0.16 * step(0.30, 0.0, v) * dirt
+        place = (u * panels) % 1.0 if name != "roof" else (v * panels) % 1.0
+        light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
+        seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
+        light = np.where(seam, 0.46, light)
+        sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
+    whole, doors, roof = sheets
+    up = 1.0 - (np.arange(128) + 0.5) / 128.0
+    along = (np.arange(512) + 0.5) / 512.0
+    # A blue band and an orange one that rise towards the cab, and the name above them.
+    rise = up[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * along[None, :])
+    for low, high, rgb in ((0.20, 0.40, (0.13, 0.26, 0.44)), (0.42, 0.47, (0.85, 0.45, 0.14))):
+        inside = (rise > low) & (rise < high)
+        whole[inside] = np.array(rgb) * (whole[inside] / 0.8)
+    tape = (up > 0.02) & (up < 0.055)
+    red = (np.arange(512) // 16) % 2 == 0
+    for sheet, width in ((whole, 512), (doors, 256)):
+        sheet[tape] = np.where(red[None, :width, None], (0.62, 0.10, 0.10), (0.80, 0.80, 0.80))
+    doors[(up > 0.60) & (up < 0.64)] *= 0.82  # shade below the hinges' rail
+    for sheet in (whole, doors):
+        sheet[up > 0.965] *= 0.72  # shade of the upper rail
+    image = np.concatenate([whole, np.concatenate([doors, roof], axis=1)]) * 255.0 + 0.5
+    pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)
+    write(pixels, "TRANSPORT", (22, 126), (5, 4), 29, (33, 66, 112))
+    return pixels

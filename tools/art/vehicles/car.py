@@ -14,9 +14,12 @@ from tools.art.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_pr
 from tools.art.vehicles.wheels import add_wheel
 
 _TYRE_M = 0.21  # width
+_VAN_M = 1.9  # cars are lower
 
 
-def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True) -> Parts:
+def car_parts(
+    shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True, glass_roof: bool = False
+) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
@@ -33,6 +36,10 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels:
     _add_seams(parts, body)
     _add_lids(parts["trim"], body)
     _add_roof(parts["trim"], cabin)
+    if shape.height_m > _VAN_M:
+        _add_van_sides(parts["trim"], body)
+    elif glass_roof:
+        _add_glass_roof(parts["glass"], cabin)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
@@ -199,8 +206,16 @@ def _add_lids(trim: Mesh, body: LowerBody) -> None:
 
 
 def _add_roof(trim: Mesh, cabin: Greenhouse) -> None:
-    """Add wipers and an aerial."""
+    """Add the gaps along the roof's edges, the ribs of a van's roof, wipers and an aerial."""
     s = cabin.shape
+    first, last = s.roof[-1][0] - 0.06, s.roof[0][0] + 0.04
+    xs = [mix(first, last, k / 6) for k in range(7)]
+    lines = [(0.90, 0.935, 0.014), (-0.935, -0.90, 0.014)]
+    if s.height_m > _VAN_M:
+        lines += [(share - 0.008, share + 0.008, 0.008) for share in (-0.6, -0.2, 0.2, 0.6)]
+    for low, high, out in lines:
+        rows = [[cabin.roof_point(x, share, out) for x in xs] for share in (low, high)]
+        add_sheet(trim, rows, flipped=True)
     for begin, end in ((-0.1, -1.25), (0.85, -0.15)):
         line = []
         for k in range(3):
@@ -210,6 +225,30 @@ def _add_roof(trim: Mesh, cabin: Greenhouse) -> None:
         add_tube(trim, line, 0.009, 4)
     x = s.roof[0][0] + 0.18
     add_tube(trim, [cabin.roof_point(x, 0.0, -0.01), (x - 0.07, 0.0, s.height_m + 0.03)], (0.02, 0.008), 4)
+
+
+def _add_glass_roof(glass: Mesh, cabin: Greenhouse) -> None:
+    """Add a pane over the front of the roof, dark as the panes' texture is between the seats."""
+    s = cabin.shape
+    front = s.roof[-1][0] - 0.14
+    xs = [mix(front, front - 0.42 * (front - s.roof[0][0]), k / 3) for k in range(4)]
+    shares = (-0.62, -0.24, 0.24, 0.62)
+    first = len(glass.uvs)
+    add_sheet(glass, [[cabin.roof_point(x, share, 0.010) for x in xs] for share in shares], flipped=True)
+    glass.uvs[first:] = [(0.74 + 0.2 * u, 0.28 + 0.18 * v) for u, v in glass.uvs[first:]]
+
+
+def _add_van_sides(trim: Mesh, body: LowerBody) -> None:
+    """Add the rubbing strips and the rail of the sliding door."""
+    s = body.shape
+    front, rear = s.wheels_x_m
+    reach = body.arch_m() + 0.03
+    for begin, end, low, high in (
+        (front - reach, rear + reach, s.clearance_m + 0.30, s.clearance_m + 0.40),
+        (-0.2, rear - 0.9, 0.86 * s.shoulder[1][1], 0.86 * s.shoulder[1][1] + 0.035),
+    ):
+        stations = [body.at_x(mix(begin, end, k / 6)) for k in range(7)]
+        _mirrored(trim, skin_patch(body, stations, [low] * 7, [high] * 7, 0.010))
 
 
 def _add_mirrors(parts: Parts, body: LowerBody, shape: CarShape) -> None:

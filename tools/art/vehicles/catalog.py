@@ -38,7 +38,8 @@ def _made(pieces: dict[str, Parts], proxies: list[Proxy], **facts: object) -> Ma
 
 
 def _parked(shape: CarShape, spokes: int, driver: bool) -> Made:
-    return _made({"body": car_parts(shape, spokes=spokes, driver=driver)}, car_proxies(shape), **_sizes(shape))
+    parts = car_parts(shape, spokes=spokes, driver=driver, glass_roof=spokes > 5)
+    return _made({"body": parts}, car_proxies(shape), **_sizes(shape))
 
 
 def _driven(shape: CarShape) -> Made:

@@ -28,7 +28,7 @@ def lorry_parts() -> Parts:
     )
     add_block(paint, _CABIN, 0.14, bow_m=0.05)
     add_block(paint, _DEFLECTOR, 0.06)
-    add_box(box, (-4.0, -_HALF, 1.02), (2.0, _HALF, 3.3))
+    _add_body(box)
     for z in (1.02, 3.24):  # edges of the box in metal
         add_box(rim, (-4.01, -_HALF - 0.006, z), (2.01, _HALF + 0.006, z + 0.07))
     for x in (-4.012, 1.942):
@@ -54,7 +54,17 @@ def lorry_parts() -> Parts:
         ]
         add_sheet(glass, pane)
         for x in (2.62, 3.80):
-            add_side_sheet(trim, x, x + 0.014, 0.95, 1.48, side * (_CAB + 0.004))
+            add_side_sheet(trim, x, x + 0.022, 0.80, 1.48, side * (_CAB + 0.004))
+        add_side_sheet(trim, 2.62, 3.82, 0.78, 0.80, side * (_CAB + 0.004))
+        # Steps below the door, the air intake behind it, and the gap between cab and body.
+        for z in (0.42, 0.60):
+            add_side_sheet(trim, 3.40, 3.88, z, z + 0.10, side * (_CAB + 0.006))
+        add_side_sheet(trim, 2.16, 2.34, 1.05, 2.30, side * (_CAB + 0.006))
+        # Side marker lamps along the lower edge of the body.
+        for x in (-3.7, -2.2, -0.7, 0.8, 1.85):
+            add_side_sheet(parts["lit"], x - 0.06, x + 0.06, 1.035, 1.085, side * (_HALF + 0.012))
+        y0, y1 = sorted((side * 0.98, side * 1.08))
+        add_end_sheet(parts["lit"], 3.995, 3.995, y0, y1, 0.58, 0.64, 1.0)
         add_box(trim, (2.70, side * _CAB - 0.03, 1.36), (2.90, side * _CAB + 0.03, 1.41))
         add_ellipsoid(trim, (3.86, side * 1.32, 1.98), (0.07, 0.10, 0.24), rings=5, sides=8)
         add_tube(trim, [(3.70, side * 1.06, 2.32), (3.86, side * 1.32, 2.20)], 0.02, 5)
@@ -70,6 +80,25 @@ def lorry_parts() -> Parts:
     return parts
 
 
+def _add_body(box: Mesh) -> None:
+    """Add the box body. Its texture has the sides in the upper half, doors and roof in the lower one."""
+    low, high = 1.02, 3.3
+    for side in (1.0, -1.0):
+        y = side * _HALF
+        ends = (2.0, -4.0) if side > 0.0 else (-4.0, 2.0)
+        corners = [(ends[0], y, low), (ends[1], y, low), (ends[1], y, high), (ends[0], y, high)]
+        box.add_polygon(corners, [(0.0, 0.5), (1.0, 0.5), (1.0, 1.0), (0.0, 1.0)])
+    rear = [(-4.0, _HALF, low), (-4.0, -_HALF, low), (-4.0, -_HALF, high), (-4.0, _HALF, high)]
+    front = [(2.0, -_HALF, low), (2.0, _HALF, low), (2.0, _HALF, high), (2.0, -_HALF, high)]
+    for corners in (rear, front):
+        box.add_polygon(corners, [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)])
+    top, edge = high + 0.014, _HALF - 0.06  # above the rails
+    roof = [(-3.94, -edge, top), (1.94, -edge, top), (1.94, edge, top), (-3.94, edge, top)]
+    box.add_polygon(roof, [(0.5, 0.5), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5)])
+    floor = [(-4.0, _HALF, low), (2.0, _HALF, low), (2.0, -_HALF, low), (-4.0, -_HALF, low)]
+    box.add_polygon(floor, [(0.5, 0.5), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5)])
+
+
 def _add_ends(parts: Parts) -> None:
     glass, trim, rim = parts["glass"], parts["trim"], parts["rim"]
     ys = (-1.02, -0.5, 0.0, 0.5, 1.02)
@@ -79,16 +108,29 @@ def _add_ends(parts: Parts) -> None:
 
     add_sheet(glass, [bowed(3.96, 1.50), bowed(3.86, 1.925), bowed(3.765, 2.33)])
     add_sheet(trim, [bowed(3.97, 1.40), bowed(3.96, 1.50)])
-    add_end_sheet(trim, 3.992, 3.992, -0.7, 0.7, 0.95, 1.28, 1.0)
-    for z in (1.02, 1.11, 1.20):
-        add_end_sheet(rim, 4.0, 4.0, -0.66, 0.66, z, z + 0.025, 1.0)
+    add_end_sheet(trim, 3.992, 3.992, -0.74, 0.74, 0.62, 1.30, 1.0)
+    for z in (0.72, 0.87, 1.02, 1.17):
+        add_end_sheet(rim, 4.0, 4.0, -0.70, 0.70, z, z + 0.03, 1.0)
+    # Visor above the windscreen, wipers, and lamps on the roof.
+    add_box(trim, (3.66, -0.98, 2.36), (3.90, 0.98, 2.44))
+    for y in (-0.55, 0.25):
+        add_tube(trim, [(3.985, y, 1.49), (3.915, y + 0.42, 1.80)], 0.012, 4)
+    for y in (-0.85, -0.45, 0.45, 0.85):
+        add_end_sheet(parts["lit"], 3.905, 3.905, y - 0.07, y + 0.07, 2.375, 2.425, 1.0)
     add_box(trim, (3.75, -1.12, 0.36), (4.0, 1.12, 0.56))
     add_plate(parts["plate"], (4.006, 0.0, 0.46), 1.0)
     # Doors of the box: a seam and two bars.
     add_end_sheet(trim, -4.004, -4.004, -0.012, 0.012, 1.08, 3.24, -1.0)
-    for y in (-0.5, -0.12, 0.12, 0.5):
+    for y in (-0.62, -0.14, 0.14, 0.62):
         add_tube(rim, [(-4.03, y, 1.1), (-4.03, y, 3.2)], 0.018, 5)
+        add_box(trim, (-4.05, y - 0.07, 1.62), (-4.0, y + 0.07, 1.70))
+    for y in (-1.19, 1.19):
+        for z in (1.3, 1.95, 2.6, 3.1):
+            add_box(rim, (-4.03, y - 0.05, z), (-4.0, y + 0.05, z + 0.06))
     add_box(trim, (-3.98, -1.2, 0.42), (-3.88, 1.2, 0.54))
+    for side in (1.0, -1.0):  # mud flaps
+        y0, y1 = sorted((side * 0.68, side * 1.22))
+        add_end_sheet(trim, -2.85, -2.85, y0, y1, 0.28, 0.98, -1.0)
     add_plate(parts["plate"], (-3.985, 0.0, 0.48), -1.0)
 
 

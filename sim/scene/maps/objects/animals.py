@@ -5,11 +5,12 @@ from __future__ import annotations
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.models import model
+from sim.scene.maps.objects.dog_coat import COATS
 from sim.scene.random_generator import RandomGenerator
 
-_FURS = {"golden": (0.62, 0.42, 0.20), "black": (0.07, 0.06, 0.06), "brown": (0.33, 0.19, 0.10)}
 _FEATHERS = {
     "pigeon": ((0.42, 0.44, 0.50), (0.16, 0.17, 0.20)),
     "gull": ((0.90, 0.90, 0.90), (0.50, 0.52, 0.55)),
@@ -43,9 +44,10 @@ def add_bird(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad:
 
 def add_dog(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad: float) -> None:
     """Add a dog that stands: 0.58 m at the shoulder, 0.95 m long without its tail."""
-    coat = rng.pick(tuple(_FURS))
-    builder.material(f"fur_{coat}", surfaces.CLOTH, rgb=_FURS[coat], specular=0.03)
-    builder.material("dog_dark", surfaces.SKIN, rgb=(0.03, 0.03, 0.03), specular=0.2)
+    coat = rng.pick(COATS)
+    fur = builder.texture(f"fur_{coat}", textures.png(f"fur_{coat}"))
+    builder.material(f"fur_{coat}", surfaces.CLOTH, texture=fur, specular=0.0)
+    builder.material("dog_dark", surfaces.SKIN, rgb=(0.07, 0.06, 0.06), specular=0.2)
     builder.material("dog_collar", surfaces.CLOTH, rgb=(0.62, 0.06, 0.06))
     body = builder.body("dog", at_m, yaw_quat(heading_rad))
     for part, material in (("fur", f"fur_{coat}"), ("dark", "dog_dark"), ("collar", "dog_collar")):

@@ -8,8 +8,8 @@ from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.random_generator import RandomGenerator
 
 PAINTS = {
-    "silver": (0.66, 0.68, 0.70), "black": (0.05, 0.05, 0.06), "white": (0.90, 0.90, 0.89), "red": (0.42, 0.07, 0.07),
-    "blue": (0.10, 0.15, 0.26), "green": (0.08, 0.16, 0.13), "grey": (0.30, 0.31, 0.33), "olive": (0.31, 0.33, 0.20),
+    "silver": (0.66, 0.68, 0.70), "black": (0.11, 0.11, 0.12), "white": (0.79, 0.79, 0.78), "red": (0.56, 0.10, 0.09),
+    "blue": (0.15, 0.22, 0.37), "green": (0.14, 0.25, 0.20), "grey": (0.36, 0.37, 0.39), "olive": (0.31, 0.33, 0.20),
     "yellow": (0.90, 0.68, 0.08), "orange": (0.85, 0.36, 0.06), "sand": (0.62, 0.55, 0.42),
 }  # fmt: skip
 # Shares of the paints of new cars, rounded: white, grey, black and silver are three quarters.
@@ -21,13 +21,14 @@ def vehicle_materials(builder: MapBuilder) -> None:
     """Add the materials that all vehicles share."""
     builder.texture("vehicle_glass", textures.png("vehicle_glass"))
     builder.material("vehicle_glass", surfaces.GLASS, texture="vehicle_glass", specular=0.9, shininess=0.9)
-    builder.material("vehicle_trim", surfaces.BLACK_PLASTIC, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
-    builder.material("vehicle_tyre", surfaces.RUBBER, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
+    builder.material("vehicle_trim", surfaces.BLACK_PLASTIC, rgb=(0.12, 0.12, 0.125), specular=0.05, shininess=0.1)
+    builder.material("vehicle_tyre", surfaces.RUBBER, rgb=(0.16, 0.16, 0.16), specular=0.05, shininess=0.1)
     builder.material("vehicle_rim", surfaces.METAL, rgb=(0.60, 0.61, 0.63), specular=0.5, shininess=0.5)
     builder.material("vehicle_head_lamp", surfaces.GLASS, rgb=(0.88, 0.90, 0.92), specular=0.8, shininess=0.8)
     builder.material("vehicle_tail_lamp", surfaces.GLASS, rgb=(0.60, 0.03, 0.03), specular=0.6, shininess=0.7)
     builder.material("vehicle_lit", surfaces.PLASTIC, rgb=(0.98, 0.62, 0.12), specular=0.1)
-    builder.material("vehicle_box", surfaces.PAINTED_METAL, rgb=(0.86, 0.87, 0.88), specular=0.3, shininess=0.4)
+    builder.texture("vehicle_box", textures.png("vehicle_box"))
+    builder.material("vehicle_box", surfaces.PAINTED_METAL, texture="vehicle_box", specular=0.3, shininess=0.4)
     builder.material("vehicle_skin", surfaces.SKIN, rgb=(0.62, 0.44, 0.34), specular=0.0)
     builder.material("vehicle_hair", surfaces.HAIR, rgb=(0.10, 0.07, 0.05), specular=0.0)
     for i in range(PLATES):
