@@ -274,12 +274,15 @@ HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at, Sun
     const I seen = id >= splat<I>(0);
     const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
     const auto put_lanes = [&](auto *picture, const auto &lanes) {
+        if constexpr (sizeof *picture == 4) {
+            if (at.columns == 4 && at.rows == 4) return store_rows(picture + (long)at.y * b.width + at.x, b.width, lanes);
+        }
         ScalarOf<std::decay_t<decltype(lanes)>> values[16];
         store(values, lanes);
         put(picture, b.width, at.x, at.y, at.columns, at.rows, values);
     };
     if (job.shadows > 0 && any(seen)) place_in_sun(job, d, t, sun);
-    if (out.geom) put(out.geom, b.width, at.x, at.y, at.columns, at.rows, ids);
+    if (out.geom) put_lanes(out.geom, id);
     if (out.depth) put_lanes(out.depth, select(seen, job.rays->projection == Projection::kTable ? t * d.z : t, inf));
     if (out.range) put_lanes(out.range, select(seen, t * length_of(d), inf));
     if (!out.segmentation && !out.material && !out.instance) return;
