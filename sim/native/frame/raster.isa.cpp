@@ -251,35 +251,48 @@ struct Spans {
     std::int32_t x0[16], x1[16];
 };
 
-// Finds the columns in which triangle `lane` may cover a pixel, for block rows `row` and the following. Returns false, and
-// finds nothing, unless one sign alone can belong to its inside.
+// A triangle within a rectangle of blocks, ready for `find_spans`.
 //
 // A pixel counts as inside if the three edge functions e_i = a_i x + b_i y + c_i have no two opposite signs. Rounding is
 // less than `error`. If their sum exceeds 4 `error` in all of the rectangle (3, and one for the rounding of the sum itself),
-// no pixel there has the opposite sign, and each edge bounds x: on the best line of pixels of a row, e_i >= -error.
-HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row, int row1, Spans &spans) {
-    constexpr float kRounding = 1e-6f, kMargin = 1.0f / 64.0f;  // share of the greatest sum of terms; pixels
-    const float left = rays.x.data()[16 * x0], right = rays.x.data()[16 * x1 - 1];
+// no pixel there has the opposite sign: `sign` is then the one that can belong to the inside, else 0.
+struct SpanEdges {
+    float a[3], b[3], c[3], error, far_x, left, right, sign;
+};
+
+HIL_INLINE SpanEdges span_edges(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row1) {
+    constexpr float kRounding = 1e-6f;  // share of the greatest sum of terms
+    SpanEdges s;
+    s.left = rays.x.data()[16 * x0], s.right = rays.x.data()[16 * x1 - 1];
     const float top = rays.y.data()[16 * row0], bottom = rays.y.data()[16 * row1 - 1];
     const auto magnitude = [](float a, float b) { return __builtin_fabsf(a) > __builtin_fabsf(b) ? __builtin_fabsf(a) : __builtin_fabsf(b); };
-    const float far_x = magnitude(left, right), far_y = magnitude(top, bottom);
+    const float far_y = magnitude(top, bottom);
+    s.far_x = magnitude(s.left, s.right);
     float sum[3] = {0, 0, 0}, error = 0.0f;
-    for (const auto &e : packet.edge) {
-        for (int i = 0; i < 3; ++i) sum[i] += e[i][lane];
-        error += __builtin_fabsf(e[0][lane]) * far_x + __builtin_fabsf(e[1][lane]) * far_y + __builtin_fabsf(e[2][lane]);
+    for (int i = 0; i < 3; ++i) {
+        const auto &e = packet.edge[i];
+        s.a[i] = e[0][lane], s.b[i] = e[1][lane], s.c[i] = e[2][lane];
+        for (int k = 0; k < 3; ++k) sum[k] += e[k][lane];
+        error += __builtin_fabsf(s.a[i]) * s.far_x + __builtin_fabsf(s.b[i]) * far_y + __builtin_fabsf(s.c[i]);
     }
-    error *= kRounding;
-    const float middle = 0.5f * (sum[0] * (left + right) + sum[1] * (top + bottom)) + sum[2];
-    const float swing = 0.5f * (__builtin_fabsf(sum[0]) * (right - left) + __builtin_fabsf(sum[1]) * (bottom - top));
-    if (!(__builtin_fabsf(middle) - swing > 4.0f * error)) return false;
-    const float sign = middle > 0.0f ? 1.0f : -1.0f;
+    s.error = error * kRounding;
+    const float middle = 0.5f * (sum[0] * (s.left + s.right) + sum[1] * (top + bottom)) + sum[2];
+    const float swing = 0.5f * (__builtin_fabsf(sum[0]) * (s.right - s.left) + __builtin_fabsf(sum[1]) * (bottom - top));
+    s.sign = !(__builtin_fabsf(middle) - swing > 4.0f * s.error) ? 0.0f : middle > 0.0f ? 1.0f : -1.0f;
+    return s;
+}
+
+// Finds the columns in which the edge functions may all have `sign`, for block rows `row` and the following: each edge bounds
+// x, because on the best line of pixels of a row sign e_i >= -error.
+HIL_INLINE void find_spans(const SpanEdges &s, float sign, const RayTable &rays, int x0, int x1, int row, Spans &spans) {
+    constexpr float kMargin = 1.0f / 64.0f;  // pixels
     const F first = load<F>(rays.first_y.data() + row), last = load<F>(rays.last_y.data() + row);
-    F low = splat<F>(left), high = splat<F>(right);
-    for (const auto &e : packet.edge) {
-        const float a = sign * e[0][lane], b = sign * e[1][lane], c = sign * e[2][lane];
-        const F rest = max(first * b, last * b) + (c + error);
-        if (__builtin_fabsf(a) * far_x <= error) {
-            low = select(rest + error < splat<F>(0), splat<F>(1e9f), low);
+    F low = splat<F>(s.left), high = splat<F>(s.right);
+    for (int i = 0; i < 3; ++i) {
+        const float a = sign * s.a[i], b = sign * s.b[i], c = sign * s.c[i];
+        const F rest = max(first * b, last * b) + (c + s.error);
+        if (__builtin_fabsf(a) * s.far_x <= s.error) {
+            low = select(rest + s.error < splat<F>(0), splat<F>(1e9f), low);
         } else {
             const F bound = rest * (-1.0f / a);
             if (a > 0.0f) low = max(low, bound);
@@ -292,7 +305,6 @@ HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays,
     const I from = splat<I>(x0), to = splat<I>(x1);
     store(spans.x0, select(x_first > from, x_first, from));
     store(spans.x1, select(x_last < to, x_last, to));
-    return true;
 }
 
 // Rays of the few blocks that a small mesh may touch, in its frame, and the nearest t drawn there.
@@ -399,11 +411,16 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                 else return b.x * e[0][lane] + b.y * e[1][lane] + e[2][lane];
             };
             constexpr int kWorthwhile = 6;  // blocks: the spans of fewer cost more than they save
-            bool narrow = P != Projection::kTable && options.frustum_culling && x1 - x0 > 1 && (x1 - x0) * (row1 - row0) >= kWorthwhile;
-            for (int row = row0; row < row1; ++row) {
+            const bool narrow = P != Projection::kTable && options.frustum_culling && x1 - x0 > 1 && (x1 - x0) * (row1 - row0) >= kWorthwhile;
+            SpanEdges edges;
+            if (narrow) edges = span_edges(packet, lane, rays, x0, x1, row0, row1);
+            // A triangle that extends behind the camera can have both signs: on either side of its plane's horizon.
+            const int turns = narrow && edges.sign == 0.0f ? 2 : 1;
+            for (int step = 0; step < turns * (row1 - row0); ++step) {
+                const bool again = step >= row1 - row0;
+                const int rows = again ? step - (row1 - row0) : step, row = row0 + rows, line = rows % 16;
                 int from = x0, to = x1;
-                const int line = (row - row0) % 16;
-                if (narrow && line == 0) narrow = find_spans(packet, lane, rays, x0, x1, row0, row, row1, spans);
+                if (narrow && line == 0) find_spans(edges, edges.sign != 0.0f ? edges.sign : again ? -1.0f : 1.0f, rays, x0, x1, row, spans);
                 if (narrow) from = spans.x0[line], to = spans.x1[line];
                 each_block<P>(part, rays, buffer, options.occlusion_culling, nearest, from, to, row, row + 1, [&](const Block &b) {
                     const F e0 = one(packet.edge[0], b), e1 = one(packet.edge[1], b), e2 = one(packet.edge[2], b);
