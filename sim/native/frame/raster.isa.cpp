@@ -100,7 +100,7 @@ template <Projection P, Shape S>
 void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options,
                     int y0, int y1) {
     const F near = splat<F>(options.near_t);
-    each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, g.x0, g.x1, y0, y1, [&](const Block &block) {
+    const auto draw_block = [&](const Block &block) {
         Vec<F> o, d;
         local_ray<P>(g, block, o, d);
         F t;
@@ -111,7 +111,12 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
         if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
         if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
         keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN stays, as the second operand of max: no hit
-    });
+    };
+    const std::int32_t *spans = S == Shape::kBox ? g.spans : nullptr;
+    for (int row = y0; row < y1; ++row) {
+        const int x0 = spans ? spans[2 * (row - g.y0)] : g.x0, x1 = spans ? spans[2 * (row - g.y0) + 1] : g.x1;
+        each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, x0, x1, row, row + 1, draw_block);
+    }
 }
 
 struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
