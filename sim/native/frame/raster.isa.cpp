@@ -312,47 +312,6 @@ HIL_INLINE void find_spans(const SpanEdges &s, float sign, const RayTable &rays,
     store(spans.x1, select(x_last < to, x_last, to));
 }
 
-// Rays of the few blocks that a small mesh may touch, in its frame, and the nearest t drawn there.
-struct FewRays {
-    int blocks = 0;
-    F per_x[kFewBlocks], per_y[kFewBlocks], per_z[kFewBlocks], t[kFewBlocks];  // 1 / direction
-};
-
-HIL_INLINE void take_few(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, int y0, int y1, FewRays &few) {
-    const auto inverse = [](const F &d) {
-        const F tiny = splat<F>(LaneTraits<F>::kTiny);
-        return 1.0f / select(abs(d) < tiny, copysign(tiny, d), d);
-    };
-    few.blocks = 0;
-    for (int row = y0; row < y1; ++row) {
-        for (int column = g.x0; column < g.x1; ++column) {
-            Block block{};
-            block.x = load<F>(rays.x.data() + 16 * column);
-            block.y = load<F>(rays.y.data() + 16 * row);
-            Vec<F> o, d;
-            local_ray<Projection::kPinhole>(g, block, o, d);
-            few.per_x[few.blocks] = inverse(d.x);
-            few.per_y[few.blocks] = inverse(d.y);
-            few.per_z[few.blocks] = inverse(d.z);
-            few.t[few.blocks++] = load<F>(buffer.t.data() + 16 * (row * buffer.blocks_x + column));
-        }
-    }
-}
-
-// Returns false if no ray passes through the box, `pad` wider on every side, in a pixel where the geom may be nearest.
-HIL_INLINE bool may_show(const DrawnGeom &g, const FewRays &few, const Aabb &box, float pad) {
-    float lo[3], hi[3];
-    for (int i = 0; i < 3; ++i) lo[i] = box.lo[i] - pad - g.o[i], hi[i] = box.hi[i] + pad - g.o[i];
-    for (int i = 0; i < few.blocks; ++i) {
-        const F ax = few.per_x[i] * lo[0], bx = few.per_x[i] * hi[0], ay = few.per_y[i] * lo[1], by = few.per_y[i] * hi[1];
-        const F az = few.per_z[i] * lo[2], bz = few.per_z[i] * hi[2];
-        const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
-        const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
-        if (any((enter <= leave) & (splat<F>(g.t_min_bound) <= few.t[i]))) return true;
-    }
-    return false;
-}
-
 // Bounds of a small mesh are a quarter of a pixel wider than the mesh along each axis of the picture, as in view.hpp.
 HIL_INLINE float quarter_pixel(const DrawnGeom &g, const RayTable &rays) {
     float far2 = 0.0f;
@@ -361,6 +320,33 @@ HIL_INLINE float quarter_pixel(const DrawnGeom &g, const RayTable &rays) {
         far2 += a > b ? a * a : b * b;
     }
     return __builtin_sqrtf(far2) * (0.36f / (rays.fx < rays.fy ? rays.fx : rays.fy) + 1e-5f);
+}
+
+// Returns false if no ray passes through the box of a mesh in a pixel where the mesh may be nearest.
+HIL_INLINE bool may_show(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, int y0, int y1) {
+    const auto inverse = [](const F &d) {
+        const F tiny = splat<F>(LaneTraits<F>::kTiny);
+        return 1.0f / select(abs(d) < tiny, copysign(tiny, d), d);
+    };
+    const float pad = quarter_pixel(g, rays);
+    float lo[3], hi[3];
+    for (int i = 0; i < 3; ++i) lo[i] = g.mesh->box.lo[i] - pad - g.o[i], hi[i] = g.mesh->box.hi[i] + pad - g.o[i];
+    for (int row = y0; row < y1; ++row) {
+        for (int column = g.x0; column < g.x1; ++column) {
+            Block block{};
+            block.x = load<F>(rays.x.data() + 16 * column);
+            block.y = load<F>(rays.y.data() + 16 * row);
+            Vec<F> o, d;
+            local_ray<Projection::kPinhole>(g, block, o, d);
+            const F per_x = inverse(d.x), per_y = inverse(d.y), per_z = inverse(d.z);
+            const F ax = per_x * lo[0], bx = per_x * hi[0], ay = per_y * lo[1], by = per_y * hi[1], az = per_z * lo[2], bz = per_z * hi[2];
+            const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
+            const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
+            const F drawn = load<F>(buffer.t.data() + 16 * (row * buffer.blocks_x + column));
+            if (any((enter <= leave) & (splat<F>(g.t_min_bound) <= drawn))) return true;
+        }
+    }
+    return false;
 }
 
 template <Projection P>
@@ -372,15 +358,11 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
     Packet packet;
     Spans spans;
     // A ray of each pixel decides for a small mesh: most of what is far away covers no pixel's centre, or is hidden there.
-    FewRays few;
-    float pad = 0.0f;
-    if (P == Projection::kPinhole && options.frustum_culling && options.occlusion_culling && (g.x1 - g.x0) * (y1 - y0) <= kFewBlocks) {
-        take_few(g, rays, buffer, y0, y1, few);
-        pad = quarter_pixel(g, rays);
-        if (!may_show(g, few, g.mesh->box, pad)) return;
+    if (P == Projection::kPinhole && options.frustum_culling && options.occlusion_culling && (g.x1 - g.x0) * (y1 - y0) <= kFewBlocks &&
+        !may_show(g, rays, buffer, y0, y1)) {
+        return;
     }
     for (int k = 0; k < packet_count; ++k) {
-        if (few.blocks > 0 && !may_show(g, few, g.mesh->packet_box.data()[packets[k]], pad)) continue;
         if (k + 1 < packet_count) {
             const float *next = g.mesh->packed.data() + 144 * (long)packets[k + 1];
             for (int line = 0; line < 9; ++line) __builtin_prefetch(next + 16 * line);
