@@ -147,3 +147,35 @@ def test_slivers_and_triangles_smaller_than_pixels_are_the_same_without_skipping
         of_meshes = (seen > 0) | (geom > 0)
         assert of_meshes.sum() > 1000
         assert (seen != geom)[of_meshes].sum() <= 2
+
+
+def test_long_boxes_and_triangles_around_the_camera_are_the_same_without_skipping() -> None:
+    """Boxes and triangles that reach from before the camera to behind it, at random attitudes."""
+    rng = np.random.Generator(np.random.Philox(8))
+    middles = rng.uniform((-4, -4, 0.5), (4, 4, 6), (60, 3))
+    boxes = [
+        f'<geom type="box" size="{_numbers(rng.uniform((4, 0.02, 0.005), (40, 0.6, 0.3)))}" pos="{_numbers(middle)}" '
+        f'quat="{_numbers(rng.normal(size=4))}"/>'
+        for middle in middles[:40]
+    ]
+    corners = middles[40:, None, :] + rng.normal(0.0, 20.0, (20, 3, 3))
+    world = world_of(
+        '<mujoco><default><geom contype="0" conaffinity="0"/></default><asset>'
+        f'<mesh name="sheets" inertia="shell" vertex="{_numbers(corners)}" face="{_numbers(np.arange(60))}"/>'
+        f'</asset><worldbody><geom type="mesh" mesh="sheets"/>{"".join(boxes)}</worldbody></mujoco>'
+    )
+    geometry = FrameGeometry(world)
+    camera = CameraModel.from_fov(320, 240, 90.0)
+    seen: set[int] = set()
+    for i in range(12):
+        attitude = looking(30.0 * i, rng.uniform(-60, 60), roll_deg=rng.uniform(0, 360))
+        pose = camera_pose(rng.uniform((-3, -3, 1), (3, 3, 5)), attitude)
+        pictures = []
+        for skips in (RenderSkips(mesh_backs=False), RenderSkips.none()):
+            renderer = FrameRenderer(geometry, camera, execution=Execution(skips=skips))
+            pictures.append(renderer.buffers("rgb", "depth", "geom", "normal"))
+            renderer.render(pose, pictures[-1])
+        for name, values in pictures[0].items():
+            assert np.array_equal(values, pictures[1][name]), f"view {i}: {name}"
+        seen.update(np.unique(pictures[0]["geom"]).tolist())
+    assert len(seen) > 35

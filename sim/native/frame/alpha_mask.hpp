@@ -6,8 +6,6 @@
 
 namespace hil::sim::frame::HIL_ISA {
 
-constexpr std::int32_t kLaneBit[16] = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
-
 // Mask of the lanes `wanted` whose point of a triangle is opaque. `uv`: of the triangle's corners. `a`, `b`, `c`:
 // barycentric coordinates of the corners up to a common factor.
 HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F &b, const F &c, const I &wanted) {
@@ -24,12 +22,12 @@ HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F 
     // Lane by lane: few are wanted, and a gather costs as much as all.
     std::int32_t at[16];
     store(at, texel);
-    std::uint32_t hit = 0;
+    unsigned hit = 0;
     for (unsigned lanes = bits(wanted); lanes != 0; lanes &= lanes - 1) {
         const int lane = __builtin_ctz(lanes);
         hit |= ((std::uint32_t)mask.opaque.data()[at[lane] >> 5] >> (at[lane] & 31) & 1u) << lane;
     }
-    return (splat<I>((std::int32_t)hit) & load<I>(kLaneBit)) != splat<I>(0);
+    return lanes_of(hit);
 }
 
 // The same for one point, in double: the ray caster decides by the same texel as the raster.

@@ -135,14 +135,14 @@ HIL_INLINE void each_face(const ResolveJob &job, const DrawnGeom &g, const Surfa
 
 // Puts the colour of a geom for which is_flat holds into the lanes s.mask of block `at` of a run.
 HIL_INLINE void put_flat(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles,
-                         FlatFaces &faces, Run &run, int at) {
+                         FlatFaces &faces, Run &run, int at, SunTriangles &known) {
     F sun = splat<F>(1);
     if (job.shadows > 0) {
         I sunlit = splat<I>(0);
         each_face(job, g, s, triangles, faces, [&](const FlatFace &face, const I &here) {
             if (face.sunlit) sunlit |= here;
         });
-        if (any(sunlit)) sun = sunlight(job, g, s, triangles, sunlit);
+        if (any(sunlit)) sun = sunlight(job, g, run.sun[at], triangles, sunlit, known);
     }
     const Vec<F> p{s.d.x * s.t, s.d.y * s.t, s.d.z * s.t};
     each_face(job, g, s, triangles, faces, [&](const FlatFace &face, const I &here) {

@@ -70,7 +70,6 @@ void pack(Mesh &mesh) {
         }
     }
     mesh.packed_tree = build_bvh(boxes, kPacketsPerLeaf);
-    mesh.packet_box = std::move(boxes);
     mesh.facet.resize(triangles);
     double surface = 0.0, image = 0.0;
     for (std::size_t t = 0; t < triangles; ++t) {

@@ -37,7 +37,6 @@ struct Mesh {
     // The same triangles in packets of 16 for the raster: [packets][corner][x y z][16], and a tree over the packets.
     // The last packet is padded with its last triangle.
     std::vector<float> packed;
-    std::vector<Aabb> packet_box;
     std::vector<Facet> facet;  // [triangles]
     // [triangles]: one triangle of those that share its plane and its map of texture coordinates, the largest; normals and
     // coordinates of a flat mesh are computed once for all of them. With corner normals each triangle is its own.

@@ -56,6 +56,17 @@ HIL_INLINE F gather(const float *from, const I &index) {
     return v;
 }
 
+constexpr std::int32_t kLaneBit[16] = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
+
+// Mask of the lanes whose bit is set: the inverse of `bits`.
+HIL_INLINE I lanes_of(unsigned set) { return (splat<I>((std::int32_t)set) & load<I>(kLaneBit)) != splat<I>(0); }
+
+// Stores four rows of four pixels, rows `stride` elements apart.
+template <class T>
+HIL_INLINE void store_rows(T *to, long stride, const Pack<T> &a) {
+    HIL_UNROLL for (int r = 0; r < 4; ++r) __builtin_memcpy(to + r * stride, (const T *)&a + 4 * r, 16);
+}
+
 // Stores the lowest three bytes of each lane: four rows of four pixels, 12 bytes a row, rows `stride` bytes apart.
 HIL_INLINE void store_triples(std::uint8_t *to, long stride, const I &a) {
 #if defined(__AVX512F__)

@@ -75,16 +75,18 @@ void SunShadows::draw(Map &map, const RasterOptions &options) {
     note_sole(map, options.sparse);
 }
 
-// `sparse`: an area that any geom may touch counts as one of several, so that no pixel is read.
+// The areas are blocks; with `sparse` those of 4 x 4 blocks, and one that any geom may touch counts as one of several, so
+// that no pixel is read.
 void SunShadows::note_sole(Map &map, bool sparse) {
     const VisibilityBuffer &b = map.raster->buffer();
-    constexpr int kBlocks = kArea / kBlock;
-    const int areas_x = ceil_div(b.blocks_x, kBlocks), areas_y = ceil_div(b.blocks_y, kBlocks);
+    map.area_power = sparse ? 4 : 2;
+    const int blocks = (1 << map.area_power) / kBlock;
+    const int areas_x = ceil_div(b.blocks_x, blocks), areas_y = ceil_div(b.blocks_y, blocks);
     map.sole.assign(static_cast<std::size_t>(areas_x) * static_cast<std::size_t>(areas_y), -1);
     if (sparse) {
         for (const DrawnGeom &g : map.band->drawn) {
-            for (int y = std::max(g.y0 - 1, 0) / kBlocks; y <= (g.y1 - 1) / kBlocks; ++y) {
-                for (int x = std::max(g.x0 - 1, 0) / kBlocks; x <= (g.x1 - 1) / kBlocks; ++x) {
+            for (int y = std::max(g.y0 - 1, 0) / blocks; y <= (g.y1 - 1) / blocks; ++y) {
+                for (int x = std::max(g.x0 - 1, 0) / blocks; x <= (g.x1 - 1) / blocks; ++x) {
                     map.sole[static_cast<std::size_t>(y * areas_x + x)] = kSeveral;
                 }
             }
@@ -93,14 +95,12 @@ void SunShadows::note_sole(Map &map, bool sparse) {
     }
     for (int y = 0; y < areas_y; ++y) {
         for (int x = 0; x < areas_x; ++x) {
-            std::int32_t &sole = map.sole[static_cast<std::size_t>(y * areas_x + x)];
-            sole = b.geom[16 * static_cast<std::size_t>(y * kBlocks * b.blocks_x + x * kBlocks)];
-            const int last_x = std::min((x + 1) * kBlocks, b.blocks_x - 1), last_y = std::min((y + 1) * kBlocks, b.blocks_y - 1);
-            for (int row = y * kBlocks; row <= last_y; ++row) {
-                const std::int32_t *ids = &b.geom[16 * static_cast<std::size_t>(row * b.blocks_x + x * kBlocks)];
-                const std::int32_t *end = ids + 16 * (last_x - x * kBlocks + 1);
-                if (!std::all_of(ids, end, [&](std::int32_t id) { return id == sole; })) sole = kSeveral;
-            }
+            const auto at = static_cast<std::size_t>(y * areas_x + x);
+            const std::size_t right = at + (x + 1 < areas_x ? 1 : 0), down = y + 1 < areas_y ? static_cast<std::size_t>(areas_x) : 0;
+            const std::int32_t *const ids = &b.geom[16 * at], one = ids[0];
+            bool alone = std::all_of(ids, ids + 16, [one](std::int32_t id) { return id == one; }) && b.geom[16 * (right + down)] == one;
+            for (std::size_t i = 0; i < 4; ++i) alone = alone && b.geom[16 * right + 4 * i] == one && b.geom[16 * (at + down) + i] == one;
+            map.sole[at] = alone ? one : kSeveral;
         }
     }
 }
@@ -142,7 +142,8 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
         shadow.drawn = map->band->drawn.data();
         shadow.drawn_of_geom = map->band->drawn_of_geom.data();
         shadow.sole = map->sole.data();
-        shadow.areas_x = ceil_div(shadow.buffer->width, kArea);
+        shadow.area_power = map->area_power;
+        shadow.areas_x = ceil_div(shadow.buffer->blocks_x, (1 << map->area_power) / kBlock);
         shadow.x0 = shadow.buffer->blocks_x, shadow.y0 = shadow.buffer->blocks_y;
         shadow.x1 = shadow.y1 = 0;
         for (const DrawnGeom &g : map->band->drawn) {

@@ -27,6 +27,7 @@ private:
         const Raster::Band *band = nullptr;
         std::uint64_t version = ~std::uint64_t{0};
         std::vector<std::int32_t> sole;  // as in ShadowMap
+        int area_power = 0;
     };
     void draw(Map &map, const RasterOptions &options);
     static void note_sole(Map &map, bool sparse);

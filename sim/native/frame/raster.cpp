@@ -241,9 +241,28 @@ private:
             }
             if (count == 0) return;
         }
+        constexpr int kMany = 48;  // blocks: the spans of fewer cost more than they save
+        if (g.shape == Shape::kBox && options_.frustum_culling && view_.projection == Projection::kPinhole &&
+            (rect.x1 - rect.x0) * (rect.y1 - rect.y0) > kMany) {
+            d.spans = spans_of_box(g, local, rect);
+        }
         drawn_of_geom_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(drawn_.size());
         drawn_.push_back(d);
         kernels_.draw(d, rays_, buffer_, options_, row0_, row1_, packets, static_cast<int>(count));
+    }
+
+    // A long box that the camera is close to touches few of the blocks around it.
+    const std::int32_t *spans_of_box(const Geom &g, const View &local, const BlockRect &rect) {
+        const auto rows = static_cast<std::size_t>(rect.y1 - rect.y0);
+        columns_.assign(rows, {});
+        local.spans(g.centre, g.half, kBlock * (rect.y0 + 0.5), kBlock, 0.5 * (kBlock - 1) + kPixelMargin, rect.y1 - rect.y0, columns_.data());
+        spans_.resize(2 * rows);
+        for (std::size_t i = 0; i < rows; ++i) {
+            const BlockRect r = blocks_of({columns_[i].lo, columns_[i].hi, 0.0, static_cast<double>(buffer_.height)});
+            spans_[2 * i] = std::max(r.x0, rect.x0);
+            spans_[2 * i + 1] = std::min(r.x1, rect.x1);
+        }
+        return spans_.data();
     }
 
     void set_up(const Geom &g, const View &local, DrawnGeom &d) const {
@@ -321,6 +340,8 @@ private:
     std::vector<std::int32_t> &drawn_of_geom_;
     std::vector<std::pair<float, std::int32_t>> &heap_;
     std::vector<std::int32_t> &packets_;
+    std::vector<Columns> columns_;
+    std::vector<std::int32_t> spans_;
     std::vector<std::int32_t> masked_;  // geoms with holes, nearest first
     RasterCounts &counts_;
 };

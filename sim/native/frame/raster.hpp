@@ -69,6 +69,7 @@ struct DrawnGeom {
     float cone[4];             // table: cone of its bounding sphere, axis in C and cosine of the half angle; < -1: all
     // Velocity, relative to the camera, that its rigid body would have at the camera's origin if it extended to there.
     float velocity_C[3];
+    const std::int32_t *spans;  // of a box: first and last column of each block row from y0 on, end excluded; null: x0 to x1
     const Mesh *mesh;
     const AlphaMask *mask;     // null: no holes
     bool backs_hidden;         // back faces are skipped

@@ -100,7 +100,7 @@ template <Projection P, Shape S>
 void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options,
                     int y0, int y1) {
     const F near = splat<F>(options.near_t);
-    each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, g.x0, g.x1, y0, y1, [&](const Block &block) {
+    const auto draw_block = [&](const Block &block) {
         Vec<F> o, d;
         local_ray<P>(g, block, o, d);
         F t;
@@ -111,7 +111,12 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
         if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
         if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
         keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN stays, as the second operand of max: no hit
-    });
+    };
+    const std::int32_t *spans = S == Shape::kBox ? g.spans : nullptr;
+    for (int row = y0; row < y1; ++row) {
+        const int x0 = spans ? spans[2 * (row - g.y0)] : g.x0, x1 = spans ? spans[2 * (row - g.y0) + 1] : g.x1;
+        each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, x0, x1, row, row + 1, draw_block);
+    }
 }
 
 struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
@@ -251,35 +256,48 @@ struct Spans {
     std::int32_t x0[16], x1[16];
 };
 
-// Finds the columns in which triangle `lane` may cover a pixel, for block rows `row` and the following. Returns false, and
-// finds nothing, unless one sign alone can belong to its inside.
+// A triangle within a rectangle of blocks, ready for `find_spans`.
 //
 // A pixel counts as inside if the three edge functions e_i = a_i x + b_i y + c_i have no two opposite signs. Rounding is
 // less than `error`. If their sum exceeds 4 `error` in all of the rectangle (3, and one for the rounding of the sum itself),
-// no pixel there has the opposite sign, and each edge bounds x: on the best line of pixels of a row, e_i >= -error.
-HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row, int row1, Spans &spans) {
-    constexpr float kRounding = 1e-6f, kMargin = 1.0f / 64.0f;  // share of the greatest sum of terms; pixels
-    const float left = rays.x.data()[16 * x0], right = rays.x.data()[16 * x1 - 1];
+// no pixel there has the opposite sign: `sign` is then the one that can belong to the inside, else 0.
+struct SpanEdges {
+    float a[3], b[3], c[3], error, far_x, left, right, sign;
+};
+
+HIL_INLINE SpanEdges span_edges(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row1) {
+    constexpr float kRounding = 1e-6f;  // share of the greatest sum of terms
+    SpanEdges s;
+    s.left = rays.x.data()[16 * x0], s.right = rays.x.data()[16 * x1 - 1];
     const float top = rays.y.data()[16 * row0], bottom = rays.y.data()[16 * row1 - 1];
     const auto magnitude = [](float a, float b) { return __builtin_fabsf(a) > __builtin_fabsf(b) ? __builtin_fabsf(a) : __builtin_fabsf(b); };
-    const float far_x = magnitude(left, right), far_y = magnitude(top, bottom);
+    const float far_y = magnitude(top, bottom);
+    s.far_x = magnitude(s.left, s.right);
     float sum[3] = {0, 0, 0}, error = 0.0f;
-    for (const auto &e : packet.edge) {
-        for (int i = 0; i < 3; ++i) sum[i] += e[i][lane];
-        error += __builtin_fabsf(e[0][lane]) * far_x + __builtin_fabsf(e[1][lane]) * far_y + __builtin_fabsf(e[2][lane]);
+    for (int i = 0; i < 3; ++i) {
+        const auto &e = packet.edge[i];
+        s.a[i] = e[0][lane], s.b[i] = e[1][lane], s.c[i] = e[2][lane];
+        for (int k = 0; k < 3; ++k) sum[k] += e[k][lane];
+        error += __builtin_fabsf(s.a[i]) * s.far_x + __builtin_fabsf(s.b[i]) * far_y + __builtin_fabsf(s.c[i]);
     }
-    error *= kRounding;
-    const float middle = 0.5f * (sum[0] * (left + right) + sum[1] * (top + bottom)) + sum[2];
-    const float swing = 0.5f * (__builtin_fabsf(sum[0]) * (right - left) + __builtin_fabsf(sum[1]) * (bottom - top));
-    if (!(__builtin_fabsf(middle) - swing > 4.0f * error)) return false;
-    const float sign = middle > 0.0f ? 1.0f : -1.0f;
+    s.error = error * kRounding;
+    const float middle = 0.5f * (sum[0] * (s.left + s.right) + sum[1] * (top + bottom)) + sum[2];
+    const float swing = 0.5f * (__builtin_fabsf(sum[0]) * (s.right - s.left) + __builtin_fabsf(sum[1]) * (bottom - top));
+    s.sign = !(__builtin_fabsf(middle) - swing > 4.0f * s.error) ? 0.0f : middle > 0.0f ? 1.0f : -1.0f;
+    return s;
+}
+
+// Finds the columns in which the edge functions may all have `sign`, for block rows `row` and the following: each edge bounds
+// x, because on the best line of pixels of a row sign e_i >= -error.
+HIL_INLINE void find_spans(const SpanEdges &s, float sign, const RayTable &rays, int x0, int x1, int row, Spans &spans) {
+    constexpr float kMargin = 1.0f / 64.0f;  // pixels
     const F first = load<F>(rays.first_y.data() + row), last = load<F>(rays.last_y.data() + row);
-    F low = splat<F>(left), high = splat<F>(right);
-    for (const auto &e : packet.edge) {
-        const float a = sign * e[0][lane], b = sign * e[1][lane], c = sign * e[2][lane];
-        const F rest = max(first * b, last * b) + (c + error);
-        if (__builtin_fabsf(a) * far_x <= error) {
-            low = select(rest + error < splat<F>(0), splat<F>(1e9f), low);
+    F low = splat<F>(s.left), high = splat<F>(s.right);
+    for (int i = 0; i < 3; ++i) {
+        const float a = sign * s.a[i], b = sign * s.b[i], c = sign * s.c[i];
+        const F rest = max(first * b, last * b) + (c + s.error);
+        if (__builtin_fabsf(a) * s.far_x <= s.error) {
+            low = select(rest + s.error < splat<F>(0), splat<F>(1e9f), low);
         } else {
             const F bound = rest * (-1.0f / a);
             if (a > 0.0f) low = max(low, bound);
@@ -292,48 +310,6 @@ HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays,
     const I from = splat<I>(x0), to = splat<I>(x1);
     store(spans.x0, select(x_first > from, x_first, from));
     store(spans.x1, select(x_last < to, x_last, to));
-    return true;
-}
-
-// Rays of the few blocks that a small mesh may touch, in its frame, and the nearest t drawn there.
-struct FewRays {
-    int blocks = 0;
-    F per_x[kFewBlocks], per_y[kFewBlocks], per_z[kFewBlocks], t[kFewBlocks];  // 1 / direction
-};
-
-HIL_INLINE void take_few(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, int y0, int y1, FewRays &few) {
-    const auto inverse = [](const F &d) {
-        const F tiny = splat<F>(LaneTraits<F>::kTiny);
-        return 1.0f / select(abs(d) < tiny, copysign(tiny, d), d);
-    };
-    few.blocks = 0;
-    for (int row = y0; row < y1; ++row) {
-        for (int column = g.x0; column < g.x1; ++column) {
-            Block block{};
-            block.x = load<F>(rays.x.data() + 16 * column);
-            block.y = load<F>(rays.y.data() + 16 * row);
-            Vec<F> o, d;
-            local_ray<Projection::kPinhole>(g, block, o, d);
-            few.per_x[few.blocks] = inverse(d.x);
-            few.per_y[few.blocks] = inverse(d.y);
-            few.per_z[few.blocks] = inverse(d.z);
-            few.t[few.blocks++] = load<F>(buffer.t.data() + 16 * (row * buffer.blocks_x + column));
-        }
-    }
-}
-
-// Returns false if no ray passes through the box, `pad` wider on every side, in a pixel where the geom may be nearest.
-HIL_INLINE bool may_show(const DrawnGeom &g, const FewRays &few, const Aabb &box, float pad) {
-    float lo[3], hi[3];
-    for (int i = 0; i < 3; ++i) lo[i] = box.lo[i] - pad - g.o[i], hi[i] = box.hi[i] + pad - g.o[i];
-    for (int i = 0; i < few.blocks; ++i) {
-        const F ax = few.per_x[i] * lo[0], bx = few.per_x[i] * hi[0], ay = few.per_y[i] * lo[1], by = few.per_y[i] * hi[1];
-        const F az = few.per_z[i] * lo[2], bz = few.per_z[i] * hi[2];
-        const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
-        const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
-        if (any((enter <= leave) & (splat<F>(g.t_min_bound) <= few.t[i]))) return true;
-    }
-    return false;
 }
 
 // Bounds of a small mesh are a quarter of a pixel wider than the mesh along each axis of the picture, as in view.hpp.
@@ -346,6 +322,33 @@ HIL_INLINE float quarter_pixel(const DrawnGeom &g, const RayTable &rays) {
     return __builtin_sqrtf(far2) * (0.36f / (rays.fx < rays.fy ? rays.fx : rays.fy) + 1e-5f);
 }
 
+// Returns false if no ray passes through the box of a mesh in a pixel where the mesh may be nearest.
+HIL_INLINE bool may_show(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, int y0, int y1) {
+    const auto inverse = [](const F &d) {
+        const F tiny = splat<F>(LaneTraits<F>::kTiny);
+        return 1.0f / select(abs(d) < tiny, copysign(tiny, d), d);
+    };
+    const float pad = quarter_pixel(g, rays);
+    float lo[3], hi[3];
+    for (int i = 0; i < 3; ++i) lo[i] = g.mesh->box.lo[i] - pad - g.o[i], hi[i] = g.mesh->box.hi[i] + pad - g.o[i];
+    for (int row = y0; row < y1; ++row) {
+        for (int column = g.x0; column < g.x1; ++column) {
+            Block block{};
+            block.x = load<F>(rays.x.data() + 16 * column);
+            block.y = load<F>(rays.y.data() + 16 * row);
+            Vec<F> o, d;
+            local_ray<Projection::kPinhole>(g, block, o, d);
+            const F per_x = inverse(d.x), per_y = inverse(d.y), per_z = inverse(d.z);
+            const F ax = per_x * lo[0], bx = per_x * hi[0], ay = per_y * lo[1], by = per_y * hi[1], az = per_z * lo[2], bz = per_z * hi[2];
+            const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
+            const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
+            const F drawn = load<F>(buffer.t.data() + 16 * (row * buffer.blocks_x + column));
+            if (any((enter <= leave) & (splat<F>(g.t_min_bound) <= drawn))) return true;
+        }
+    }
+    return false;
+}
+
 template <Projection P>
 void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options, int y0,
                int y1, const std::int32_t *packets, int packet_count) {
@@ -355,15 +358,11 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
     Packet packet;
     Spans spans;
     // A ray of each pixel decides for a small mesh: most of what is far away covers no pixel's centre, or is hidden there.
-    FewRays few;
-    float pad = 0.0f;
-    if (P == Projection::kPinhole && options.frustum_culling && options.occlusion_culling && (g.x1 - g.x0) * (y1 - y0) <= kFewBlocks) {
-        take_few(g, rays, buffer, y0, y1, few);
-        pad = quarter_pixel(g, rays);
-        if (!may_show(g, few, g.mesh->box, pad)) return;
+    if (P == Projection::kPinhole && options.frustum_culling && options.occlusion_culling && (g.x1 - g.x0) * (y1 - y0) <= kFewBlocks &&
+        !may_show(g, rays, buffer, y0, y1)) {
+        return;
     }
     for (int k = 0; k < packet_count; ++k) {
-        if (few.blocks > 0 && !may_show(g, few, g.mesh->packet_box.data()[packets[k]], pad)) continue;
         if (k + 1 < packet_count) {
             const float *next = g.mesh->packed.data() + 144 * (long)packets[k + 1];
             for (int line = 0; line < 9; ++line) __builtin_prefetch(next + 16 * line);
@@ -399,11 +398,16 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                 else return b.x * e[0][lane] + b.y * e[1][lane] + e[2][lane];
             };
             constexpr int kWorthwhile = 6;  // blocks: the spans of fewer cost more than they save
-            bool narrow = P != Projection::kTable && options.frustum_culling && x1 - x0 > 1 && (x1 - x0) * (row1 - row0) >= kWorthwhile;
-            for (int row = row0; row < row1; ++row) {
+            const bool narrow = P != Projection::kTable && options.frustum_culling && x1 - x0 > 1 && (x1 - x0) * (row1 - row0) >= kWorthwhile;
+            SpanEdges edges;
+            if (narrow) edges = span_edges(packet, lane, rays, x0, x1, row0, row1);
+            // A triangle that extends behind the camera can have both signs: on either side of its plane's horizon.
+            const int turns = narrow && edges.sign == 0.0f ? 2 : 1;
+            for (int step = 0; step < turns * (row1 - row0); ++step) {
+                const bool again = step >= row1 - row0;
+                const int rows = again ? step - (row1 - row0) : step, row = row0 + rows, line = rows % 16;
                 int from = x0, to = x1;
-                const int line = (row - row0) % 16;
-                if (narrow && line == 0) narrow = find_spans(packet, lane, rays, x0, x1, row0, row, row1, spans);
+                if (narrow && line == 0) find_spans(edges, edges.sign != 0.0f ? edges.sign : again ? -1.0f : 1.0f, rays, x0, x1, row, spans);
                 if (narrow) from = spans.x0[line], to = spans.x1[line];
                 each_block<P>(part, rays, buffer, options.occlusion_culling, nearest, from, to, row, row + 1, [&](const Block &b) {
                     const F e0 = one(packet.edge[0], b), e1 = one(packet.edge[1], b), e2 = one(packet.edge[2], b);

@@ -47,7 +47,6 @@ struct ChannelOutputs {  // row-major, width wide; null: not requested
     std::int32_t *geom = nullptr;
 };
 
-constexpr int kArea = 16;  // pixels along an edge of an area of a shadow map
 constexpr std::int32_t kSeveral = -2;
 
 // Shadow map as the kernel reads it: picture of the scene from the sun with parallel rays.
@@ -57,9 +56,9 @@ struct ShadowMap {
     const DrawnGeom *drawn = nullptr;         // transforms sun camera -> local
     const std::int32_t *drawn_of_geom = nullptr;
     std::int32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // pixels that may hold a geom
-    // [areas]: the only geom in an area and the pixels right of it and below; -1: none; kSeveral: there may be more
+    // [areas]: the only geom in a square area and the pixels right of it and below; -1: none; kSeveral: there may be more
     const std::int32_t *sole = nullptr;
-    std::int32_t areas_x = 0;
+    std::int32_t areas_x = 0, area_power = 0;  // an area is 2^area_power pixels wide and high
 };
 
 struct SkyPattern;

@@ -161,7 +161,7 @@ HIL_INLINE Vec<F> relieved(const ResolveJob &job, const Texture &texture, const 
 // Puts the colour of a geom into the lanes s.mask of block `at` of a run.
 template <class Into>
 HIL_INLINE void shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, Vec<F> normal,
-                      const MeshTexture *on_mesh, Into &&into_camera, Run &run, int at) {
+                      const MeshTexture *on_mesh, Into &&into_camera, Run &run, int at, SunTriangles &known) {
     const Daylight &light = *job.light;
     const Scenery &scenery = *job.scenery;
     const Appearance &look = scenery.geoms.data()[g.geom];
@@ -188,7 +188,7 @@ HIL_INLINE void shade(const ResolveJob &job, const DrawnGeom &g, const Surface &
     const Vec<F> &flat = g.mask == nullptr ? s.normal : normal;
     const I faces = s.mask & (flat.x * job.sun_C[0] + flat.y * job.sun_C[1] + flat.z * job.sun_C[2] > zero);
     sun = select(faces, max(sun, zero), zero);
-    if (job.shadows > 0 && any(faces)) sun = sun * sunlight(job, g, s, triangles, faces);
+    if (job.shadows > 0 && any(faces)) sun = sun * sunlight(job, g, run.sun[at], triangles, faces, known);
     const F above = up * 0.5f + 0.5f;
     const F open = job.sky != nullptr ? ambient_share(job, s, normal) : splat<F>(1);
     const auto lit = [&](const F &a, int i) {
@@ -260,7 +260,7 @@ HIL_INLINE Place place_of(const VisibilityBuffer &b, int row, int column) {
 }
 
 // Channels that need no surface point.
-HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at) {
+HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at, SunPlace &sun) {
     const VisibilityBuffer &b = *job.buffer;
     const ChannelOutputs &out = job.out;
     const std::int32_t *ids = b.geom.data() + 16 * at.block;
@@ -269,12 +269,15 @@ HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at) {
     const I seen = id >= splat<I>(0);
     const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
     const auto put_lanes = [&](auto *picture, const auto &lanes) {
+        if constexpr (sizeof *picture == 4) {
+            if (at.columns == 4 && at.rows == 4) return store_rows(picture + (long)at.y * b.width + at.x, b.width, lanes);
+        }
         ScalarOf<std::decay_t<decltype(lanes)>> values[16];
         store(values, lanes);
         put(picture, b.width, at.x, at.y, at.columns, at.rows, values);
     };
-    if (job.shadows > 0 && any(seen)) prefetch_shadows(job, d, t);
-    if (out.geom) put(out.geom, b.width, at.x, at.y, at.columns, at.rows, ids);
+    if (job.shadows > 0 && any(seen)) place_in_sun(job, d, t, sun);
+    if (out.geom) put_lanes(out.geom, id);
     if (out.depth) put_lanes(out.depth, select(seen, job.rays->projection == Projection::kTable ? t * d.z : t, inf));
     if (out.range) put_lanes(out.range, select(seen, t * length_of(d), inf));
     if (!out.segmentation && !out.material && !out.instance) return;
@@ -301,7 +304,7 @@ HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at) {
 }
 
 // Channels that need the surface of each geom of a block: radial velocity, normals, and the colour of block `k` of a run.
-HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &faces, Run &run, int k) {
+HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &faces, SunTriangles &known, Run &run, int k) {
     const VisibilityBuffer &b = *job.buffer;
     const ChannelOutputs &out = job.out;
     const F zero = splat<F>(0);
@@ -329,7 +332,7 @@ HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &
         }
         if (!wants_normal) continue;
         const bool flat = out.rgb && is_flat(job, g);
-        if (flat) put_flat(job, g, s, triangles, faces, run, k);
+        if (flat) put_flat(job, g, s, triangles, faces, run, k, known);
         if (flat && !out.normal) continue;
         const float *m = g.m;
         s.local = local_point(g, s);
@@ -370,7 +373,7 @@ HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &
         if (wanted & kSmooth) shading = into_camera(on_mesh.smooth, false);
         if (wanted & kSmooth && g.mask == nullptr) shading = facing(shading, away);
         shade(job, g, s, triangles, shading, wanted & kTextured ? &on_mesh.texture : nullptr,
-              [&](const Vec<F> &q) { return into_camera(q, true); }, run, k);
+              [&](const Vec<F> &q) { return into_camera(q, true); }, run, k, known);
     }
     if (out.radial_velocity) {
         float lanes[16];
@@ -396,6 +399,7 @@ void resolve(const ResolveJob &job) {
     const VisibilityBuffer &b = *job.buffer;
     const ChannelOutputs &out = job.out;
     FlatFaces faces;
+    SunTriangles known;
     Run run;
     for (int row = job.row0; row < job.row1; ++row) {
         for (int next = 0; next < b.blocks_x;) {
@@ -403,9 +407,9 @@ void resolve(const ResolveJob &job) {
             for (; next < b.blocks_x && count < kRun; ++next) {
                 if (job.lanes == nullptr || job.lanes[row * b.blocks_x + next] != 0) columns[count++] = next;
             }
-            for (int k = 0; k < count; ++k) put_labels_and_depth(job, place_of(b, row, columns[k]));
+            for (int k = 0; k < count; ++k) put_labels_and_depth(job, place_of(b, row, columns[k]), run.sun[k]);
             if (!out.rgb && !out.normal && !out.radial_velocity) continue;
-            for (int k = 0; k < count; ++k) put_surfaces(job, place_of(b, row, columns[k]), faces, run, k);
+            for (int k = 0; k < count; ++k) put_surfaces(job, place_of(b, row, columns[k]), faces, known, run, k);
             if (!out.rgb) continue;
             put_texels(run);
             for (int k = 0; k < count; ++k) put_colour(job, place_of(b, row, columns[k]), run.colour[k]);

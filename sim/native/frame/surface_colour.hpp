@@ -244,7 +244,14 @@ struct Patch {  // pixels of one block that show one texture
     I mask, texel;
     Rgb light;
 };
+// Points of a block in the pictures that the sun sees (ShadowMap), for the lanes that see anything.
+struct SunPlace {
+    Vec<F> p;         // in the frame of the sun's camera
+    bool some[2];     // the map has something for a lane
+    I column[2], row[2], sole[2];  // pixel, and ShadowMap::sole there; -1 outside the map
+};
 struct Run {
+    SunPlace sun[kRun];
     Rgb colour[kRun];
     Patch patch[kPatches];
     int patches = 0;

@@ -169,6 +169,52 @@ bool View::pixels(const double *centre, const double *half, PixelRect &rect) con
     return true;
 }
 
+void View::spans(const double *centre, const double *half, double first, double step, double reach, int count, Columns *lines) const {
+    const double z_near = 0.5 * near_t;
+    double corner[8][3];
+    for (int i = 0; i < 8; ++i) {
+        double d[3];
+        for (int k = 0; k < 3; ++k) d[k] = centre[k] + (i >> k & 1 ? half[k] : -half[k]) - p[k];
+        for (int k = 0; k < 3; ++k) corner[i][k] = dot(axis[k], d);
+    }
+    struct Point {
+        double u, v;
+    };
+    const auto image = [&](double x, double y, double z) { return Point{cx + fx * (x / z), cy + fy * (y / z)}; };
+    const auto segment = [&](Point a, Point b) {
+        if (a.v > b.v) std::swap(a, b);
+        const double slope = b.v - a.v > 1e-9 ? (b.u - a.u) / (b.v - a.v) : 0.0;
+        const int from = static_cast<int>(std::clamp(std::ceil((a.v - reach - first) / step), 0.0, static_cast<double>(count)));
+        const int to = static_cast<int>(std::clamp(std::floor((b.v + reach - first) / step), -1.0, count - 1.0));
+        for (int i = from; i <= to; ++i) {
+            const double v = first + step * i, top = std::max(v - reach, a.v), bottom = std::min(v + reach, b.v);
+            const double u0 = a.u + (top - a.v) * slope, u1 = slope == 0.0 ? b.u : a.u + (bottom - a.v) * slope;
+            lines[i].lo = std::min({lines[i].lo, u0, u1});
+            lines[i].hi = std::max({lines[i].hi, u0, u1});
+        }
+    };
+    // The image is convex. Its outline consists of images of edges, and of sides of the cut at half the near limit.
+    Point cut[12];
+    int cuts = 0;
+    for (int i = 0; i < 8; ++i) {
+        for (int bit = 1; bit < 8; bit <<= 1) {
+            if (i & bit) continue;
+            const double *a = corner[i], *b = corner[i | bit];
+            if (a[2] <= z_near && b[2] <= z_near) continue;
+            if (a[2] > z_near && b[2] > z_near) {
+                segment(image(a[0], a[1], a[2]), image(b[0], b[1], b[2]));
+                continue;
+            }
+            const double s = (z_near - a[2]) / (b[2] - a[2]);
+            const Point at = image(a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), z_near);
+            const double *front = a[2] > z_near ? a : b;
+            segment(image(front[0], front[1], front[2]), at);
+            for (int k = 0; k < cuts; ++k) segment(cut[k], at);
+            cut[cuts++] = at;
+        }
+    }
+}
+
 void View::cone_of(const double *centre, const double *half, float *to) const {
     const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
     const double distance = std::sqrt(dot(c, c)), radius = 1.0001 * std::sqrt(dot(half, half)) + 1e-5;

@@ -13,6 +13,10 @@ struct PixelRect {
     double lo_x, hi_x, lo_y, hi_y;  // in pixels, unclipped; pixel i covers [i, i + 1)
 };
 
+struct Columns {
+    double lo = 1e300, hi = -1e300;  // in pixels
+};
+
 // Camera in a frame A: origin, axes, and the side planes of the rows that are drawn.
 struct View {
     Projection projection;
@@ -32,6 +36,9 @@ struct View {
     double nearest(const double *centre, const double *half) const;
     // Pixels of the part of the box in front of the camera. Returns false if every pixel may see it.
     bool pixels(const double *centre, const double *half, PixelRect &rect) const;
+    // Pinhole: extends lines[i] by the columns (lo, hi) in which the box may meet lines of pixels from first + step i - reach
+    // to first + step i + reach, for i in [0, count).
+    void spans(const double *centre, const double *half, double first, double step, double reach, int count, Columns *lines) const;
     // Direction in A and cosine of the half angle of the box's bounding sphere.
     void cone_of(const double *centre, const double *half, float *cone) const;
 };
