@@ -84,6 +84,8 @@ class Scatterers:
     ) -> None:
         self.camera = camera
         self._isa = isa
+        # Directions in which echoes leave matter only to transmitters away from the origin.
+        self._places_matter = any(x != 0.0 for place in antenna.tx_positions_m for x in place)
         self._class_kept = mask.kept_classes(world.class_names)
         self._max_range_m = _MAX_RANGE_M if mask.max_range_m is None else mask.max_range_m
         self._curves = reflection.curves(world.surfaces, chirp.center_frequency_hz)
@@ -103,7 +105,7 @@ class Scatterers:
         self._window = int(np.count_nonzero(~inside))
         self._pattern = pixels - self._window - int(np.count_nonzero(active))
 
-        scale = _amplitude_scale(chirp, antenna, receiver)
+        scale = amplitude_scale(chirp, antenna, receiver)
         pixel_sr = solid_angles(camera)
         weight = scale * np.sqrt(share * pixel_sr.reshape(-1))
         # The kernel treats a weight of 0 as a dropped pixel, so float weights must not underflow.
@@ -177,8 +179,36 @@ class Scatterers:
         n = kept + corners
         return Echoes(out.range_m[:n], out.speed_mps[:n], out.direction_R[:n], out.amplitude[:n])
 
+    def with_more(self, more: Echoes) -> Echoes:
+        """Return the echoes of the last `collect` and others behind them, as views that are valid until the next."""
+        first, last = self.last.kept + self.last.corners, self.last.kept + self.last.corners + len(more.range_m)
+        if last > len(self._out.range_m):
+            o, capacity = self._out, last + last // 8
+            self._out = Echoes(
+                _grown(o.range_m, first, capacity),
+                _grown(o.speed_mps, first, capacity),
+                _grown(o.direction_R, first, capacity),
+                _grown(o.amplitude, first, capacity),
+            )
+        o = self._out
+        o.range_m[first:last] = more.range_m
+        o.speed_mps[first:last] = more.speed_mps
+        o.direction_R[first:last] = more.direction_R
+        o.amplitude[first:last] = more.amplitude
+        out = None
+        if self._places_matter and more.out_direction_R is not None:
+            out = np.concatenate([o.direction_R[:first], more.out_direction_R])
+        return Echoes(o.range_m[:last], o.speed_mps[:last], o.direction_R[:last], o.amplitude[:last], out)
 
-def _amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
+
+def _grown(array: Float64, used: int, capacity: int) -> Float64:
+    """Return an array with more rows, the first `used` of them those of `array`."""
+    grown = np.empty((capacity, *array.shape[1:]))
+    grown[:used] = array[:used]
+    return grown
+
+
+def amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
     """Return A R^2 of an echo on the axis per root of its cross-section [counts m]."""
     gain = antenna.tx.axis_gain * antenna.rx.axis_gain
     spread = chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)

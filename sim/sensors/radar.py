@@ -24,10 +24,13 @@ from signals.samples import RadarSample, TruthState
 from signals.time import NS_PER_S
 from sim._kernels import EchoSynthesisReport
 from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
 from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
+from sim.radar.ghost_echoes import GhostEchoes, Ghosts
+from sim.radar.ghost_objects import GhostEcho, ghost_objects
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
 from sim.radar.processing.processor import Processor, Step
 from sim.radar.rotor_blades import RotorBlades
@@ -63,6 +66,8 @@ class RadarCounts:
         self.echoes = 0
         self.echoes_dropped = 0  # too weak to matter at the tolerance
         self.dropped_bound = 0.0  # greatest relative error of any frame by dropped echoes
+        self.ghosts = 0  # echoes by mirrors
+        self.rays = 0  # cast for them
         self.shared = 0  # pictures that the camera drew
         self.terms = 0  # greatest number of low-rank terms in the synthesis of any frame
 
@@ -70,8 +75,21 @@ class RadarCounts:
 class RadarFrames:
     """Raw frames of a radar from pictures, which may also come from a recording."""
 
-    def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
-        """Raises ValueError if the mask leaves no pixel, or names a class that the world does not have."""
+    def __init__(
+        self,
+        view: SharedPicture,
+        world: Any,
+        p: RadarParameters,
+        *,
+        seed: int,
+        name: str,
+        geometry: FrameGeometry | None = None,
+    ) -> None:
+        """`geometry`: for paths with more than one bounce, which recorded pictures alone do not show.
+
+        Raises ValueError if the mask leaves no pixel, or names a class that the world does not have, and for bounces
+        without a geometry.
+        """
         chirp, channels = p.chirp, p.antenna.channels(p.chirp)
         # Blades are folded into the speeds that one transmitter's chirps tell apart.
         self._chirp, self._blades = chirp.of_one_transmitter(p.antenna.array.turns), RotorBlades(world)
@@ -87,6 +105,12 @@ class RadarFrames:
         self._chain = RadarReceiverChain(
             chirp, p.impairments, channels, seed=seed, name=name, adc_bits=p.receiver.adc_bits
         )
+        self._ghosts: GhostEchoes | None = None
+        if p.bounces is not None:
+            if geometry is None:
+                raise ValueError(f"radar '{name}': recorded pictures do not show bounces; set its bounces to null")
+            self._ghosts = GhostEchoes(geometry, chirp, p.antenna, p.receiver, p.mask, p.bounces, self._chirp)
+        self.ghosts: Ghosts | None = None  # of the last frame
         self._signal = np.zeros(p.raw_shape)
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
@@ -94,6 +118,11 @@ class RadarFrames:
     def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
         """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples)."""
         echoes = self._scatterers.collect(self._blades.with_seen_speeds(picture, self._chirp), pose)
+        if self._ghosts is not None:
+            self.ghosts = self._ghosts.find(pose)
+            echoes = self._scatterers.with_more(self.ghosts.echoes)
+            self.counts.ghosts += self.ghosts.count
+            self.counts.rays += self._ghosts.rays
         report = self._synthesizer.synthesize(echoes, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
@@ -140,10 +169,13 @@ class Radar(InstalledSensor):
         self._frames: FrameSource = frames
         self._renderer: Renderer | None = None
         self._own: dict[str, NDArray[Any]] = {}
-        self._radar = RadarFrames(self.view, frames.geometry.world, p, seed=installation.seed, name=name)
+        self._radar = RadarFrames(
+            self.view, frames.geometry.world, p, seed=installation.seed, name=name, geometry=frames.geometry
+        )
         self.channels = self._radar.channels
         self._object_echoes: ObjectEchoes | None = None
         self.objects: list[ObjectEcho] = []  # of the last frame, after `label_objects`
+        self.ghosts: list[GhostEcho] = []  # their ghosts, the same
         self._until: Step = next((step for step in _STEPS if step in p.outputs), "range_doppler")
         self._processor = None
         if p.needs_processing:
@@ -153,6 +185,11 @@ class Radar(InstalledSensor):
     def counts(self) -> RadarCounts:
         """Counts of the work so far."""
         return self._radar.counts
+
+    @property
+    def has_ghosts(self) -> bool:
+        """True for a radar with bounces."""
+        return self._parameters.bounces is not None
 
     def label_objects(self) -> None:
         """Find the objects of every frame, into `objects`. Call before the first frame; samples do not change."""
@@ -171,6 +208,8 @@ class Radar(InstalledSensor):
         raw = self._radar.raw(picture, pose, seq)
         if self._object_echoes is not None:
             self.objects = self._object_echoes.find(picture, pose)
+            if self._radar.ghosts is not None:
+                self.ghosts = ghost_objects(self._radar.ghosts, self.chirp, self._parameters.receiver)
         channels: dict[str, NDArray[Any]] = {"raw": raw} if "raw" in self.outputs else {}
         if self._processor is not None:
             processed = self._processor.process(raw, t_ns, until=self._until)

@@ -12,6 +12,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.shared_picture import SharedPicture
 from sim.radar.antenna import Antenna
 from sim.radar.board import Board
+from sim.radar.bounces import Bounces
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments
 from sim.radar.mask import Mask
@@ -37,6 +38,7 @@ class RadarParameters(StrictModel):
     receiver: Receiver
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
+    bounces: Bounces | None = None  # paths by mirrors; null: none
     processing: Processing = Processing()
     # Name of a camera whose pictures, mount and lens the radar uses. Null: its own view, given by the next six keys.
     frame: str | None = None

@@ -1,0 +1,171 @@
+"""Ghosts of small scenes against exact paths: range within 1 cm, speed within 0.01 m/s, power within 0.5 dB.
+
+The paths are enumerated by images of the scene's planes over dense points of its surfaces, with MuJoCo's visibility
+(tests/worlds/radar_paths.py).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from signals.samples import Vec3
+from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
+from sim.radar.antenna import Antenna, Pattern
+from sim.radar.bounces import Bounces
+from sim.radar.ghost_echoes import KINDS, GhostEchoes, Ghosts
+from sim.radar.mask import Mask
+from sim.radar.scatterers import amplitude_scale
+from sim.scene.scene import Scene, load_scene
+from sim.scene.scene_map import Surface
+from sim.scene.world import World
+from sim.world_loader import load_world
+from tests.worlds.radar_paths import Patch, PathTracer, Plane, Sum, face, sphere
+from tests.worlds.radar_point_targets import CHIRP
+from tests.worlds.radar_scenes import EASTWARDS, RECEIVER
+
+ROUGH = Surface(0.5, 1.0, 1e8, 0.05)  # so rough that nothing stays coherent
+CONCRETE = Surface(0.35, 5.24, 1.14, 3e-4)
+METAL = Surface(0.5, 1.0, 1e7, 2e-6)
+SURFACES = {"rough": ROUGH, "concrete": CONCRETE, "metal": METAL}
+ANTENNA = Antenna(
+    rx_positions_m=((0.0, 0.0, 0.0),),
+    tx=Pattern(gain_dbi=6.0, azimuth_beamwidth_deg=85.0, elevation_beamwidth_deg=60.0),
+    rx=Pattern(gain_dbi=6.0, azimuth_beamwidth_deg=100.0, elevation_beamwidth_deg=80.0),
+)
+PLACE: Vec3 = (0.0, 0.0, 1.8)
+MOVING: Vec3 = (1.3, -0.4, 0.3)
+
+GROUND = '<geom name="ground" type="plane" size="0 0 1" material="concrete"/>'
+WALL = '<geom name="wall" type="box" size="6 .1 3" pos="4 2.1 2" material="metal"/>'
+BALL = '<body name="ball" pos="5 -.6 1.1"><geom name="ball" size=".4" material="rough"/></body>'
+POST = '<body name="post" pos="2.6 -.3 .5"><geom name="post" type="box" size=".05 .25 .5" material="rough"/></body>'
+BOX = '<body name="crate" pos="4.5 -.8 1"><geom name="crate" type="box" size=".3 .3 .5" material="rough"/></body>'
+
+
+def world_of(folder: Path, *geoms: str) -> World:
+    materials = "".join(f'<material name="{name}"/>' for name in SURFACES)
+    path = folder / "scene.xml"
+    path.write_text(f"<mujoco><asset>{materials}</asset><worldbody>{''.join(geoms)}</worldbody></mujoco>")
+    names = ("lidar_reflectivity", "relative_permittivity", "conductivity_s_per_m", "roughness_m")
+    surfaces = {k: {n: getattr(s, n) for n in names} for k, s in SURFACES.items()}
+    section: dict[str, Any] = {"mjcf": str(path), "surfaces": surfaces}
+    plain = load_scene("airfield").model_dump()
+    return load_world(Scene.model_validate(plain | {"name": "scene", "map": section}))
+
+
+def ghosts_of(world: World, **settings: float) -> Ghosts:
+    finder = GhostEchoes(FrameGeometry(world), CHIRP, ANTENNA, RECEIVER, Mask(max_range_m=30.0), Bounces(**settings))
+    return finder.find(CameraPose(PLACE, EASTWARDS, MOVING))
+
+
+def sum_of(world: World, ghosts: Ghosts, kind: str, target: str, mirror: str) -> Sum:
+    """Return the ghosts of one object by one mirror."""
+    geom = {name: mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in (target, mirror)}
+    some = ghosts.kind == KINDS.index(kind)
+    some &= ghosts.instance == int(world.geom_instance[geom[target]])
+    some &= ghosts.mirror == int(world.geom_instance[geom[mirror]])
+    e = ghosts.echoes
+    power = e.amplitude[some] ** 2
+    total = float(power.sum())
+    if total == 0.0:
+        return Sum(0.0, math.nan, math.nan)
+    return Sum(total, float((power * e.range_m[some]).sum()) / total, float((power * e.speed_mps[some]).sum()) / total)
+
+
+def tracer_of(world: World) -> PathTracer:
+    scale = amplitude_scale(CHIRP, ANTENNA, RECEIVER)
+    return PathTracer(world.model, ANTENNA, scale, CHIRP.center_frequency_hz, np.array(PLACE), np.array(MOVING))
+
+
+def plane_of(world: World, name: str, point: Vec3, normal: Vec3, surface: Surface) -> Plane:
+    geom = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_GEOM, name)
+    return Plane(geom, np.array(point), np.array(normal), surface)
+
+
+def crate() -> list[Patch]:
+    x, y, z = (4.5, -0.8, 1.0)
+    return [
+        face((x - 0.3, y, z), (0, 0, 0.5), (0, 0.3, 0), (60, 36), ROUGH),
+        face((x, y + 0.3, z), (0, 0, 0.5), (0.3, 0, 0), (60, 36), ROUGH),
+        face((x, y - 0.3, z), (0.3, 0, 0), (0, 0, 0.5), (36, 60), ROUGH),
+        face((x, y, z + 0.5), (0.3, 0, 0), (0, 0.3, 0), (36, 36), ROUGH),
+        face((x, y, z - 0.5), (0, 0.3, 0), (0.3, 0, 0), (36, 36), ROUGH),
+    ]
+
+
+def ball() -> list[Patch]:
+    return [sphere((5.0, -0.6, 1.1), 0.4, 6000, ROUGH)]
+
+
+def exact(world: World, patches: list[Patch], plane: Plane, kind: str) -> Sum:
+    parts = [tracer_of(world).sums(patch, plane)[kind] for patch in patches]
+    parts = [p for p in parts if p.power > 0.0]
+    total = sum(p.power for p in parts)
+    return Sum(
+        total, sum(p.power * p.range_m for p in parts) / total, sum(p.power * p.speed_mps for p in parts) / total
+    )
+
+
+SCENES = {
+    "ball over ground": ((GROUND, BALL), ball, "ball", "ground"),
+    "ball behind a post": ((GROUND, POST, BALL), ball, "ball", "ground"),
+    "crate beside a wall": ((WALL, BOX), crate, "crate", "wall"),
+    "crate over ground": ((GROUND, WALL, BOX), crate, "crate", "ground"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+@pytest.mark.parametrize("name", SCENES)
+def test_ghosts_are_those_of_exact_paths(tmp_path: Path, name: str, kind: str) -> None:
+    geoms, patches, target, mirror = SCENES[name]
+    world = world_of(tmp_path, *geoms)
+    if mirror == "ground":
+        plane = plane_of(world, "ground", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), CONCRETE)
+    else:
+        plane = plane_of(world, "wall", (4.0, 2.0, 2.0), (0.0, -1.0, 0.0), METAL)
+    found, true = sum_of(world, ghosts_of(world), kind, target, mirror), exact(world, patches(), plane, kind)
+    print(
+        name,
+        kind,
+        10 * math.log10(found.power / true.power),
+        found.range_m - true.range_m,
+        found.speed_mps - true.speed_mps,
+    )
+    assert abs(10.0 * math.log10(found.power / true.power)) < 0.5
+    assert abs(found.range_m - true.range_m) < 0.01
+    assert abs(found.speed_mps - true.speed_mps) < 0.01
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+@pytest.mark.parametrize(("target", "mirror"), [("wall", "ground"), ("ground", "wall")])
+def test_two_surfaces_that_face_each_other(tmp_path: Path, kind: str, target: str, mirror: str) -> None:
+    wall = '<geom name="wall" type="box" size=".1 2 2" pos="5.1 0 2" material="concrete"/>'
+    ground = '<geom name="ground" type="box" size="4 3 .1" pos="3 0 -.1" material="concrete"/>'
+    world = world_of(tmp_path, wall, ground)
+    planes = {
+        "wall": plane_of(world, "wall", (5.0, 0.0, 2.0), (-1.0, 0.0, 0.0), CONCRETE),
+        "ground": plane_of(world, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 1.0), CONCRETE),
+    }
+    patches = {
+        "wall": [face((5.0, 0.0, 2.0), (0, 0, 2.0), (0, 2.0, 0), (160, 160), CONCRETE)],
+        "ground": [face((3.0, 0.0, 0.0), (4.0, 0, 0), (0, 3.0, 0), (200, 150), CONCRETE)],
+    }
+    found = sum_of(world, ghosts_of(world), kind, target, mirror)
+    true = exact(world, patches[target], planes[mirror], kind)
+    print(
+        target,
+        kind,
+        10 * math.log10(found.power / true.power),
+        found.range_m - true.range_m,
+        found.speed_mps - true.speed_mps,
+    )
+    assert abs(10.0 * math.log10(found.power / true.power)) < 0.5
+    assert abs(found.range_m - true.range_m) < 0.01
+    assert abs(found.speed_mps - true.speed_mps) < 0.01
