@@ -60,7 +60,8 @@ KINDS = ("direct", "both ways", "out", "back")
 _FLAT_SHAPES = (0, 6)  # MuJoCo's plane and box
 _FACETED_SHAPES = (1, 7)  # height field and mesh: flat where neighbours are in one plane
 _COARSE = 3  # coarse spacing, in spacings
-_FEW_RAYS = 200  # an instance with fewer rays is traced at a third of the spacing
+_FEW_RAYS = 64  # an instance with fewer rays is traced at a third of the spacing
+_THIN_M, _WIDE_M = 0.05, 0.5  # half the thickness and width of a mesh that is one flat slab, such as a path
 _LIFT_M = 5e-4  # of reflected rays off their mirror
 _TOUCH_M = 5e-3  # ranges that agree
 _LEAST_COSINE = 1e-3
@@ -136,11 +137,15 @@ class GhostEchoes:
         self._instance = world.geom_instance.astype(np.int64)
         self._class = world.geom_class
         shape = world.model.geom_type
-        self._flat = np.isin(shape, _FLAT_SHAPES)
+        half_m = np.sort(world.model.geom_aabb[:, 3:], axis=1)
+        thin = (half_m[:, 0] <= _THIN_M) & (half_m[:, 1] >= _WIDE_M)
+        self._flat = np.isin(shape, _FLAT_SHAPES) | (np.isin(shape, _FACETED_SHAPES) & thin)
         self._is_mirror = (self._flat | np.isin(shape, _FACETED_SHAPES)) & (world.geom_actor < 0)
         coarse = forward_cells(self._spacing_rad * _COARSE)
-        self._coarse = coarse[self._share(directions(coarse, self._spacing_rad * _COARSE)) >= self._floor]
-        self._coarse_index = CellIndex(self._coarse, int(np.abs(self._coarse).max(initial=0)))
+        share = self._share(directions(coarse, self._spacing_rad * _COARSE))
+        self._coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
+        self._coarse_R = directions(self._coarse, self._spacing_rad * _COARSE)
+        self._coarse_around = CellIndex(self._coarse, int(np.abs(self._coarse).max(initial=0))).neighbours(self._coarse)
         self._corners = MirroredCorners(world.map.corners, antenna, mask, self._scale, chirp.wavelength_m)
         self.rays = 0  # cast in the last frame
 
@@ -148,7 +153,7 @@ class GhostEchoes:
         """Return the ghosts seen from a pose at the geometry's time."""
         self.rays = 0
         p_W = pose.p_WC
-        self._geometry.pose_within(Vicinity(p_W, p_W, 2.0 * self._limit_m))
+        self._geometry.pose_within(Vicinity(p_W, p_W, self._limit_m))
         axes = _axes_of(pose)
         fine, primary, power = self._mirrors(p_W, axes)
         rays = self._bent(p_W, axes, fine, primary, power, self._spacing_rad)
@@ -179,30 +184,28 @@ class GhostEchoes:
             self._geometry.caster.cast(origins_W, ways_W, 0.0, limit_m, range_m, geom, normal, speed)
         return _Hits(range_m, geom.astype(np.int64), normal, speed)
 
-    def _mirror_power(self, ways_W: Float64, ways_R: Float64, hits: _Hits) -> Float64:
-        """Return g^2; 0 for what is no mirror, or one below the floor."""
+    def _mirror_power(self, ways_W: Float64, share: Float64, hits: _Hits) -> Float64:
+        """Return g^2; 0 for what is no mirror, or one below the floor. `share`: the antenna's gain."""
         geom = hits.geom
         power = np.zeros(len(geom))
         some = geom >= 0
         some[some] = self._is_mirror[geom[some]]
         cosine = -_dot(hits.normal[some], ways_W[some])
         power[some] = self._reflection.mirror_power(self._surface[geom[some]], cosine)
-        power[power * self._share(ways_R) < self._floor] = 0.0
+        power[power * share < self._floor] = 0.0
         return power
 
     def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, _Hits, Float64]:
         """Return the cells at and beside mirrors, what their rays meet, and g^2."""
-        ways_R = directions(self._coarse, self._spacing_rad * _COARSE)
-        ways_W = _turned(ways_R, axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, 2.0 * self._limit_m)
-        shows = self._mirror_power(ways_W, ways_R, hits) > 0.0
-        around = self._coarse_index.neighbours(self._coarse)
+        ways_W = _turned(self._coarse_R, axes)
+        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
+        shows = self._mirror_power(ways_W, self._coarse_share, hits) > 0.0
+        around = self._coarse_around
         near = shows | (shows[around] & (around >= 0)).any(axis=1)
         fine = children(self._coarse[near])
-        ways_R = directions(fine, self._spacing_rad)
-        ways_W = _turned(ways_R, axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, 2.0 * self._limit_m)
-        power = self._mirror_power(ways_W, ways_R, hits)
+        ways_W = _turned(directions(fine, self._spacing_rad), axes)
+        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
+        power = self._mirror_power(ways_W, np.repeat(self._coarse_share[near], 9), hits)
         faceted = np.flatnonzero(power > 0.0)
         faceted = faceted[~self._flat[hits.geom[faceted]]]
         if len(faceted):
@@ -232,7 +235,7 @@ class GhostEchoes:
         n = hits.normal
         bent = way - (2.0 * _dot(way, n))[:, None] * n
         origin = _from(p_W, len(way)) + hits.range_m[:, None] * way + _LIFT_M * n
-        found = self._cast(np.ascontiguousarray(origin), np.ascontiguousarray(bent), 2.0 * self._limit_m)
+        found = self._cast(np.ascontiguousarray(origin), np.ascontiguousarray(bent), self._limit_m)
         keep = found.geom >= 0
         keep[keep] = self._surface[found.geom[keep]] > 0
         return _Rays(
@@ -249,10 +252,10 @@ class GhostEchoes:
             return None
         wanted = rays.cell[few]
         around = (wanted[:, None, :] + _AROUND[None, :, :]).reshape(-1, 2)
-        split = np.unique(around, axis=0)
-        reach = int(max(np.abs(split).max(), np.abs(rays.cell).max())) + 1
+        reach = int(np.abs(rays.cell).max()) + 2
         marked = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
-        marked[split[:, 0] + reach, split[:, 1] + reach] = True
+        marked[around[:, 0] + reach, around[:, 1] + reach] = True
+        split = np.argwhere(marked) - reach
         return split, ~marked[rays.cell[:, 0] + reach, rays.cell[:, 1] + reach]
 
     def _finer(self, p_W: Vec3, axes: Float64, split: Cells) -> _Rays:
@@ -262,8 +265,8 @@ class GhostEchoes:
         ways_R = directions(cells, spacing_rad)
         cells, ways_R = cells[ways_R[:, 0] > 0.0], ways_R[ways_R[:, 0] > 0.0]
         ways_W = _turned(ways_R, axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, 2.0 * self._limit_m)
-        power = self._mirror_power(ways_W, ways_R, hits)
+        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
+        power = self._mirror_power(ways_W, self._share(ways_R), hits)
         faceted = np.flatnonzero(power > 0.0)
         faceted = faceted[~self._flat[hits.geom[faceted]]]
         if len(faceted):
@@ -305,7 +308,7 @@ class GhostEchoes:
         kept &= self._mask.in_window(direct_R)
         candidates = np.flatnonzero(kept)
         seen = self._cast(
-            _from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), 2.0 * self._limit_m
+            _from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), self._limit_m
         )
         free = seen.range_m >= direct_m[candidates] - _TOUCH_M
         # Beyond P there is another surface, or none, where rounding takes the ray past its edge.
