@@ -155,10 +155,13 @@ class GhostEchoes:
         p_W = pose.p_WC
         self._geometry.pose_within(Vicinity(p_W, p_W, self._limit_m))
         axes = _axes_of(pose)
-        fine, primary, power = self._mirrors(p_W, axes)
-        rays = self._bent(p_W, axes, fine, primary, power, self._spacing_rad)
+        fine, primary, power, assumed = self._mirrors(p_W, axes)
+        rays = self._bent(p_W, axes, fine, primary, power, self._spacing_rad, assumed)
         parts = []
-        planes = _planes(rays) if len(self._corners) else []
+        planes: list[MirrorPlane] = []
+        if len(self._corners):
+            some = power > 0.0
+            planes = _planes(primary.of(some), _turned(directions(fine[some], self._spacing_rad), axes))
         few = self._of_few(rays)
         if few is not None:
             split, kept = few
@@ -195,22 +198,42 @@ class GhostEchoes:
         power[power * share < self._floor] = 0.0
         return power
 
-    def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, _Hits, Float64]:
-        """Return the cells at and beside mirrors, what their rays meet, and g^2."""
-        ways_W = _turned(self._coarse_R, axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
-        shows = self._mirror_power(ways_W, self._coarse_share, hits) > 0.0
+    def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, _Hits, Float64, NDArray[np.bool_]]:
+        """Return the cells at and beside mirrors, what their rays meet, and g^2.
+
+        Within a mirror, where all neighbours show the same flat geom, rays are assumed to meet its plane: the last
+        array is True there. `_bent` casts those that count, which are few: most rays by the ground end in the sky.
+        """
+        coarse_W = _turned(self._coarse_R, axes)
+        hits = self._cast(_from(p_W, len(coarse_W)), coarse_W, self._limit_m)
+        shows = self._mirror_power(coarse_W, self._coarse_share, hits) > 0.0
         around = self._coarse_around
         near = shows | (shows[around] & (around >= 0)).any(axis=1)
+        geom, normal = hits.geom, hits.normal
+        within = (
+            shows & self._flat[geom] & (shows[around] & (around >= 0) & (geom[around] == geom[:, None])).all(axis=1)
+        )
+        for column in around.T:
+            within &= _dot(normal, normal[column]) > _SAME_NORMAL
         fine = children(self._coarse[near])
         ways_W = _turned(directions(fine, self._spacing_rad), axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
+        assumed = np.repeat(within[near], 9)
+        n = np.repeat(normal[near], 9, axis=0)
+        reached_m = np.where(hits.geom >= 0, hits.range_m, 0.0)
+        offset = np.repeat((reached_m * _dot(normal, coarse_W))[near], 9)
+        geom, range_m, speed = np.repeat(geom[near], 9), np.zeros(len(fine)), np.zeros(len(fine))
+        down = _dot(n, ways_W)
+        assumed &= down < -_LEAST_COSINE
+        np.divide(offset, down, out=range_m, where=assumed)
+        cast = self._cast(_from(p_W, int((~assumed).sum())), np.ascontiguousarray(ways_W[~assumed]), self._limit_m)
+        range_m[~assumed], geom[~assumed], n[~assumed] = cast.range_m, cast.geom, cast.normal
+        hits = _Hits(range_m, geom, n, speed)
         power = self._mirror_power(ways_W, np.repeat(self._coarse_share[near], 9), hits)
         faceted = np.flatnonzero(power > 0.0)
         faceted = faceted[~self._flat[hits.geom[faceted]]]
         if len(faceted):
             power[faceted[~self._in_plane(fine, faceted, ways_W, hits)]] = 0.0
-        return fine, hits, power
+        return fine, hits, power, assumed
 
     def _in_plane(self, fine: Cells, some: Ids, ways_W: Float64, hits: _Hits) -> NDArray[np.bool_]:
         """Return True where two or more of the eight neighbours are in the plane of the facet."""
@@ -227,8 +250,17 @@ class GhostEchoes:
             agree += same & (column >= 0)
         return agree >= 2
 
-    def _bent(self, p_W: Vec3, axes: Float64, cells: Cells, hits: _Hits, power: Float64, spacing_rad: float) -> _Rays:
-        """Return the rays of `cells` by mirrors that meet a surface with an echo."""
+    def _bent(
+        self,
+        p_W: Vec3,
+        axes: Float64,
+        cells: Cells,
+        hits: _Hits,
+        power: Float64,
+        spacing_rad: float,
+        assumed: NDArray[np.bool_] | None = None,
+    ) -> _Rays:
+        """Return the rays of `cells` by mirrors that meet a surface with an echo; `assumed`: as from `_mirrors`."""
         some = power > 0.0
         cells, hits, power = cells[some], hits.of(some), power[some]
         way = _turned(directions(cells, spacing_rad), axes)
@@ -238,6 +270,11 @@ class GhostEchoes:
         found = self._cast(np.ascontiguousarray(origin), np.ascontiguousarray(bent), self._limit_m)
         keep = found.geom >= 0
         keep[keep] = self._surface[found.geom[keep]] > 0
+        if assumed is not None:
+            check = np.flatnonzero(keep & assumed[some])
+            seen = self._cast(_from(p_W, len(check)), np.ascontiguousarray(way[check]), self._limit_m)
+            wrong = (seen.geom != hits.geom[check]) | ~(np.abs(seen.range_m - hits.range_m[check]) < _TOUCH_M)
+            keep[check[wrong]] = False
         return _Rays(
             cells[keep], way[keep], hits.range_m[keep], n[keep], hits.geom[keep], power[keep], bent[keep],
             found.of(keep),
@@ -307,9 +344,7 @@ class GhostEchoes:
         kept &= (cos_out > _LEAST_COSINE) & (np.maximum(out_share, back_share) >= PATTERN_FLOOR)
         kept &= self._mask.in_window(direct_R)
         candidates = np.flatnonzero(kept)
-        seen = self._cast(
-            _from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), self._limit_m
-        )
+        seen = self._cast(_from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), self._limit_m)
         free = seen.range_m >= direct_m[candidates] - _TOUCH_M
         # Beyond P there is another surface, or none, where rounding takes the ray past its edge.
         on_it = free & (seen.range_m <= direct_m[candidates] + _TOUCH_M)
@@ -376,16 +411,16 @@ class GhostEchoes:
 _AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
 
 
-def _planes(rays: _Rays) -> list[MirrorPlane]:
-    """Return the planes of the mirrors, by geom: the first ray's of each."""
-    key = np.round(rays.mirror_normal * 100.0).astype(np.int64)
-    rows = np.concatenate([rays.mirror_geom[:, None], key], axis=1)
+def _planes(hits: _Hits, ways_W: Float64) -> list[MirrorPlane]:
+    """Return the planes that rays meet, by geom and direction: the first ray's of each."""
+    key = np.round(hits.normal * 100.0).astype(np.int64)
+    rows = np.concatenate([hits.geom[:, None], key], axis=1)
     planes = []
     for at in np.sort(np.unique(rows, axis=0, return_index=True)[1]).tolist():
-        nx, ny, nz = rays.mirror_normal[at].tolist()
-        wx, wy, wz = rays.way_W[at].tolist()
-        distance_m = -float(rays.first_m[at]) * (nx * wx + ny * wy + nz * wz)
-        planes.append(MirrorPlane((nx, ny, nz), distance_m, int(rays.mirror_geom[at])))
+        nx, ny, nz = hits.normal[at].tolist()
+        wx, wy, wz = ways_W[at].tolist()
+        distance_m = -float(hits.range_m[at]) * (nx * wx + ny * wy + nz * wz)
+        planes.append(MirrorPlane((nx, ny, nz), distance_m, int(hits.geom[at])))
     return planes
 
 

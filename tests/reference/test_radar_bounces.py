@@ -6,6 +6,7 @@ The paths are enumerated by images of the scene's planes over dense points of it
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,10 @@ from sim.radar.ghost_echoes import KINDS, GhostEchoes, Ghosts
 from sim.radar.mask import Mask
 from sim.radar.scatterers import amplitude_scale
 from sim.scene.scene import Scene, load_scene
-from sim.scene.scene_map import Surface
+from sim.scene.scene_map import CornerReflector, Surface
 from sim.scene.world import World
 from sim.world_loader import load_world
-from tests.worlds.radar_paths import Patch, PathTracer, Plane, Sum, face, sphere
+from tests.worlds.radar_paths import Patch, PathTracer, Plane, Sum, face, gamma2, sphere
 from tests.worlds.radar_point_targets import CHIRP
 from tests.worlds.radar_scenes import EASTWARDS, RECEIVER
 
@@ -110,15 +111,15 @@ def exact(world: World, patches: list[Patch], plane: Plane) -> dict[str, Sum]:
     for kind in KINDS[1:]:
         parts = [m[kind] for m in made if m[kind].power > 0.0]
         total = sum(p.power for p in parts)
-        means = (sum(p.power * value for p, value in zip(parts, values, strict=True)) / total for values in (
-            [p.range_m for p in parts], [p.speed_mps for p in parts]
-        ))
+        means = (
+            sum(p.power * value for p, value in zip(parts, values, strict=True)) / total
+            for values in ([p.range_m for p in parts], [p.speed_mps for p in parts])
+        )
         sums[kind] = Sum(total, *means)
     return sums
 
 
 def check(found: Sum, true: Sum) -> None:
-    print(10*math.log10(found.power/true.power), found.range_m-true.range_m, found.speed_mps-true.speed_mps)
     assert abs(10.0 * math.log10(found.power / true.power)) < 0.5
     assert abs(found.range_m - true.range_m) < 0.01
     assert abs(found.speed_mps - true.speed_mps) < 0.01
@@ -164,10 +165,61 @@ def test_two_surfaces_that_face_each_other(tmp_path: Path, target: str, mirror: 
 
 
 def test_the_corner_in_the_ground(tmp_path: Path) -> None:
-    """A corner reflector's image has the range, direction and cross-section of the corner seen from below."""
-    world = load_world(load_scene("radar_range"))
-    finder = GhostEchoes(FrameGeometry(world), CHIRP, ANTENNA, RECEIVER, Mask(), Bounces(floor_db=-60.0))
-    ghosts = finder.find(CameraPose(PLACE, EASTWARDS, MOVING))
-    corners = {int(world.geom_instance[g]) for g in range(world.model.ngeom) if "reflector" in world.instance_names[world.geom_instance[g]]}
-    assert corners
-    assert ghosts.count > 0
+    """A corner's image by the ground has the range, direction, speed and cross-section of one seen from below."""
+    corner_W, edge_m = np.array([6.0, 0.8, 1.2]), 0.25
+    third = math.sqrt(1.0 / 3.0)
+    aim = np.array([-6.0, -0.8, -3.0]) / np.linalg.norm([6.0, 0.8, 3.0])  # at the radar's image
+    q = np.array([1.0 + third * aim.sum(), *(third * np.array([aim[2] - aim[1], aim[0] - aim[2], aim[1] - aim[0]]))])
+    q /= np.linalg.norm(q)
+    x, y, z = corner_W.tolist()
+    corner = CornerReflector((x, y, z), tuple(q.tolist()), edge_m, "object")  # type: ignore[arg-type]
+    world = world_of(tmp_path, GROUND)
+    world = dataclasses.replace(world, map=dataclasses.replace(world.map, corners=(corner,)))
+    ghosts = ghosts_of(world, floor_db=-60.0)
+    assert ghosts.count == 1
+    e = ghosts.echoes
+    image = np.array([0.0, 0.0, -1.8])
+    beyond = corner_W - image
+    range_m = float(np.linalg.norm(beyond))
+    u = beyond / range_m
+    d = u * np.array([1.0, 1.0, -1.0])  # out by the ground
+    section = 12.0 * math.pi * edge_m**4 / CHIRP.wavelength_m**2
+    h = 4.0 * math.pi * CONCRETE.roughness_m / CHIRP.wavelength_m * u[2]
+    g2 = gamma2(CONCRETE, CHIRP.center_frequency_hz, u[2]) * math.exp(-(h**2))
+    share = float(ANTENNA.share(d[None])[0])
+    scale = amplitude_scale(CHIRP, ANTENNA, RECEIVER)
+    amplitude = scale * math.sqrt(share * section) * g2 / range_m**2
+    assert e.range_m[0] == pytest.approx(range_m, abs=1e-6)
+    assert e.speed_mps[0] == pytest.approx(-float(np.dot(MOVING, d)), abs=1e-9)
+    assert np.allclose(e.direction_R[0], d, atol=1e-9)
+    assert e.amplitude[0] == pytest.approx(amplitude, rel=1e-3)
+
+
+def test_speeds_are_the_rates_of_the_paths(tmp_path: Path) -> None:
+    """Between two places of the radar, mean ranges change by the mean speed; each ghost is found in both."""
+    world = world_of(tmp_path, GROUND, WALL, BALL)
+    step_s = 0.05
+    finder = GhostEchoes(FrameGeometry(world), CHIRP, ANTENNA, RECEIVER, Mask(max_range_m=30.0), Bounces())
+    sums = []
+    for t in (-step_s, 0.0, step_s):
+        place = tuple(p + v * t for p, v in zip(PLACE, MOVING, strict=True))
+        sums.append(finder.find(CameraPose(place, EASTWARDS, MOVING)))  # type: ignore[arg-type]
+    for kind in KINDS[1:]:
+        before, now, after = (sum_of(world, ghosts, kind, "ball", "ground") for ghosts in sums)
+        assert (after.range_m - before.range_m) / (2.0 * step_s) == pytest.approx(now.speed_mps, abs=0.03)
+
+
+def test_a_rough_ground_has_no_ghosts(tmp_path: Path) -> None:
+    assert ghosts_of(world_of(tmp_path, GROUND.replace("concrete", "rough"), BALL)).count == 0
+
+
+def test_a_ball_is_no_mirror(tmp_path: Path) -> None:
+    mirror = '<body pos="3 1.5 1"><geom name="mirror" size=".8" material="metal"/></body>'
+    assert ghosts_of(world_of(tmp_path, mirror, BALL)).count == 0
+
+
+def test_ghosts_below_the_floor_are_left_out(tmp_path: Path) -> None:
+    """What a higher floor leaves out is weaker than the floor allows: the same path by a perfect mirror."""
+    world = world_of(tmp_path, GROUND, BALL)
+    low, high = (ghosts_of(world, floor_db=floor) for floor in (-60.0, -10.0))
+    assert 0 < high.count < low.count

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.radar_arrays import PRESETS, array_target_checks, city_park_arrays
+from hil.apps.bench_suite.sensors.radar_bounces import bounce_rows
 from hil.apps.bench_suite.sensors.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.apps.bench_suite.sensors.radar_checks import (
     characteristic_checks,
@@ -51,6 +52,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
         status("city_park")
         _city_park(result, views=4 if quick else 12)
         city_park_arrays(result, quick=quick, status=status)
+        bounce_rows(result, quick=quick, status=status)
     status("point targets")
     result.checks += characteristic_checks()
     result.checks += target_checks(quick=quick)
