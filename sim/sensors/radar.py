@@ -14,7 +14,8 @@ tracks, and maps with `clutter: background`, also depend on earlier frames.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,9 @@ from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.ghost_echoes import GhostEchoes, Ghosts
 from sim.radar.ghost_objects import GhostEcho, ghost_objects
+from sim.radar.interference import Transmission
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
+from sim.radar.other_radars import OtherRadars
 from sim.radar.processing.processor import Processor, Step
 from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import ScattererReport, Scatterers
@@ -115,8 +118,13 @@ class RadarFrames:
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
 
-    def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
-        """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples)."""
+    def raw(
+        self, picture: Picture, pose: CameraPose, seq: int, disturb: Callable[[NDArray[np.float64]], None] | None = None
+    ) -> NDArray[np.uint16]:
+        """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples).
+
+        `disturb` adds to the signal before the converter.
+        """
         echoes = self._scatterers.collect(self._blades.with_seen_speeds(picture, self._chirp), pose)
         if self._ghosts is not None:
             self.ghosts = self._ghosts.find(pose)
@@ -124,6 +132,8 @@ class RadarFrames:
             self.counts.ghosts += self.ghosts.count
             self.counts.rays += self._ghosts.rays
         report = self._synthesizer.synthesize(echoes, self._signal)
+        if disturb is not None:
+            disturb(self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
         self._count(self._scatterers.last, report)
@@ -173,6 +183,10 @@ class Radar(InstalledSensor):
             self.view, frames.geometry.world, p, seed=installation.seed, name=name, geometry=frames.geometry
         )
         self.channels = self._radar.channels
+        self._others: OtherRadars | None = None
+        if p.interference is not None:
+            own = Transmission(p.chirp, p.antenna, p.receiver, p.interference, installation.period_ns / NS_PER_S)
+            self._others = OtherRadars(frames.geometry, self._optical, own)
         self._object_echoes: ObjectEchoes | None = None
         self.objects: list[ObjectEcho] = []  # of the last frame, after `label_objects`
         self.ghosts: list[GhostEcho] = []  # their ghosts, the same
@@ -205,7 +219,8 @@ class Radar(InstalledSensor):
         self._frames.expect(t_ns)
         pose = self._optical.pose(truth)
         picture = self._picture(t_ns, pose)
-        raw = self._radar.raw(picture, pose, seq)
+        disturb = None if self._others is None else partial(self._others.add, pose, t_ns)
+        raw = self._radar.raw(picture, pose, seq, disturb)
         if self._object_echoes is not None:
             self.objects = self._object_echoes.find(picture, pose)
             if self._radar.ghosts is not None:

@@ -15,6 +15,7 @@ from sim.radar.board import Board
 from sim.radar.bounces import Bounces
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments
+from sim.radar.interference import Interference
 from sim.radar.mask import Mask
 from sim.radar.processing.parameters import Processing, power_of_two_from
 from sim.radar.receiver import Receiver
@@ -38,6 +39,7 @@ class RadarParameters(StrictModel):
     receiver: Receiver
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
+    interference: Interference | None = None  # with radars of other vehicles; null: none
     bounces: Bounces | None = None  # paths by mirrors; null: none
     processing: Processing = Processing()
     # Name of a camera whose pictures, mount and lens the radar uses. Null: its own view, given by the next six keys.
