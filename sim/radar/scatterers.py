@@ -111,6 +111,9 @@ class Scatterers:
         # The kernel treats a weight of 0 as a dropped pixel, so float weights must not underflow.
         weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
         self._blocks = _blocks(rays_C, weight)
+        self.direction_R, self.weight = self._direction_R, weight  # of each pixel
+        self._used = 0  # rows of echoes
+        self._ways: Float64 | None = None  # directions in which they leave, where these matter
 
         self._corners = CornerEchoes(
             world.map.corners,
@@ -177,11 +180,12 @@ class Scatterers:
             corners,
         )
         n = kept + corners
+        self._used, self._ways = n, None
         return Echoes(out.range_m[:n], out.speed_mps[:n], out.direction_R[:n], out.amplitude[:n])
 
     def with_more(self, more: Echoes) -> Echoes:
-        """Return the echoes of the last `collect` and others behind them, as views that are valid until the next."""
-        first, last = self.last.kept + self.last.corners, self.last.kept + self.last.corners + len(more.range_m)
+        """Return the echoes since the last `collect` and others behind them, as views that are valid until the next."""
+        first, last = self._used, self._used + len(more.range_m)
         if last > len(self._out.range_m):
             o, capacity = self._out, last + last // 8
             self._out = Echoes(
@@ -195,10 +199,11 @@ class Scatterers:
         o.speed_mps[first:last] = more.speed_mps
         o.direction_R[first:last] = more.direction_R
         o.amplitude[first:last] = more.amplitude
-        out = None
-        if self._places_matter and more.out_direction_R is not None:
-            out = np.concatenate([o.direction_R[:first], more.out_direction_R])
-        return Echoes(o.range_m[:last], o.speed_mps[:last], o.direction_R[:last], o.amplitude[:last], out)
+        self._used = last
+        if self._places_matter and (more.out_direction_R is not None or self._ways is not None):
+            leaves = more.direction_R if more.out_direction_R is None else more.out_direction_R
+            self._ways = np.concatenate([o.direction_R[:first] if self._ways is None else self._ways, leaves])
+        return Echoes(o.range_m[:last], o.speed_mps[:last], o.direction_R[:last], o.amplitude[:last], self._ways)
 
 
 def _grown(array: Float64, used: int, capacity: int) -> Float64:

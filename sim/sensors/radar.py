@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.samples import RadarSample, TruthState
+from signals.samples import RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim._kernels import EchoSynthesisReport
 from sim.frame.camera_pose import CameraPose
@@ -36,6 +36,7 @@ from sim.radar.interference import Transmission
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
 from sim.radar.other_radars import OtherRadars
 from sim.radar.processing.processor import Processor, Step
+from sim.radar.rain import Rain
 from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import ScattererReport, Scatterers
 from sim.radar.synthesis import Synthesizer
@@ -114,6 +115,14 @@ class RadarFrames:
                 raise ValueError(f"radar '{name}': recorded pictures do not show bounces; set its bounces to null")
             self._ghosts = GhostEchoes(geometry, chirp, p.antenna, p.receiver, p.mask, p.bounces, self._chirp)
         self.ghosts: Ghosts | None = None  # of the last frame
+        rain_mm_per_h = p.rain_mm_per_h
+        if rain_mm_per_h is None:
+            rain_mm_per_h = getattr(world.scene.weather, "rain_mm_per_h", 0.0)
+        self._rain: Rain | None = None
+        if rain_mm_per_h > 0.0:
+            limit_m = chirp.max_range_m if p.mask.max_range_m is None else min(p.mask.max_range_m, chirp.max_range_m)
+            view_R, weight = self._scatterers.direction_R, self._scatterers.weight
+            self._rain = Rain(chirp.center_frequency_hz, rain_mm_per_h, view_R, weight, limit_m, seed=seed, name=name)
         self._signal = np.zeros(p.raw_shape)
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
@@ -131,6 +140,10 @@ class RadarFrames:
             echoes = self._scatterers.with_more(self.ghosts.echoes)
             self.counts.ghosts += self.ghosts.count
             self.counts.rays += self._ghosts.rays
+        if self._rain is not None:
+            drops = self._rain.echoes(picture["range"], *_down_and_velocity(pose), seq)
+            echoes = self._scatterers.with_more(drops)
+            self._rain.attenuate(echoes)
         report = self._synthesizer.synthesize(echoes, self._signal)
         if disturb is not None:
             disturb(self._signal)
@@ -148,6 +161,13 @@ class RadarFrames:
         counts.echoes_dropped += report.dropped
         counts.dropped_bound = max(counts.dropped_bound, report.dropped_bound)
         counts.terms = max(counts.terms, report.terms)
+
+
+def _down_and_velocity(pose: CameraPose) -> tuple[Vec3, Vec3]:
+    """Return the direction of gravity and the velocity of the pose, in R: x_R = z_C, y_R = -x_C, z_R = -y_C."""
+    R, (x, y, z) = pose.R_WC, pose.v_WC_W
+    v_C = (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
+    return (-R[8], R[6], R[7]), (v_C[2], -v_C[0], -v_C[1])
 
 
 class Radar(InstalledSensor):

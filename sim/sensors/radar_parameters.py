@@ -39,6 +39,7 @@ class RadarParameters(StrictModel):
     receiver: Receiver
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
+    rain_mm_per_h: Annotated[float, Field(ge=0.0, le=200.0)] | None = None  # null: of the scene's weather; 0: none
     interference: Interference | None = None  # with radars of other vehicles; null: none
     bounces: Bounces | None = None  # paths by mirrors; null: none
     processing: Processing = Processing()

@@ -387,3 +387,9 @@ def test_bounces_by_several_transmitters_are_those_of_each() -> None:
 
 
 QUIET = {"leakage": None, "frame_start": None, "dc_wander": None, "noise": None, "adc": None}
+
+
+def test_rain_is_a_switch() -> None:
+    dry, none, wet = (radar(impairments=QUIET, outputs=("raw",), rain_mm_per_h=rate) for rate in (None, 0.0, 50.0))
+    frames = [sensor.sample(truth(0), 0).channels["raw"] for sensor in (dry, none, wet)]
+    assert frames[0].tobytes() == frames[1].tobytes() != frames[2].tobytes()
