@@ -11,11 +11,12 @@ Backscatter of a volume, from Mie's series over the drop sizes of Marshall and P
     eta = integral of sigma_b(D) N(D) dD [m^2/m^3],   N(D) = 8000 exp(-4.1 r^-0.21 D) [1/(m^3 mm)], D in mm to 7
     sigma_b = (pi / k^2) |sum of (2 n + 1) (-1)^n (a_n - b_n)|^2   (Bohren and Huffman, 1983, sec. 4.4)
 
-with water of 10 degrees Celsius (Liebe, Hufford and Manabe, Int. J. Infrared Millim. Waves 12, 1991, p. 659). Drops fall
-at v(D) = 9.65 - 10.3 exp(-0.6 D) m/s, D in mm (Atlas, Srivastava and Sekhon, Rev. Geophys. 11, 1973, p. 1).
+with water of 10 degrees Celsius (Liebe, Hufford and Manabe, Int. J. Infrared Millim. Waves 12, 1991, p. 659). Drops
+fall at v(D) = 9.65 - 10.3 exp(-0.6 D) m/s, D in mm (Atlas, Srivastava and Sekhon, Rev. Geophys. 11, 1973, p. 1).
 
-A frame has `ECHOES` echoes of drops: each at a random pixel's direction and a random range out to what is seen there, and
-of a random size, which sets its speed. An echo stands for its share of the volume, so that the expected power is that of
+A frame has `ECHOES` echoes of drops: each at a random pixel's direction and a random range out to what is seen there,
+and of a random size, which sets its speed. An echo stands for its share of the volume, so that the expected power is
+that of
 
     dP = P_t G_t G_r lambda^2 eta R^2 dOmega dR / ((4 pi)^3 R^4)
 
