@@ -39,6 +39,7 @@ from sim.radar.processing.processor import Processor, Step
 from sim.radar.rain import Rain
 from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import ScattererReport, Scatterers
+from sim.radar.sweep_errors import SweepErrors
 from sim.radar.synthesis import Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
@@ -118,6 +119,9 @@ class RadarFrames:
         rain_mm_per_h = p.rain_mm_per_h
         if rain_mm_per_h is None:
             rain_mm_per_h = getattr(world.scene.weather, "rain_mm_per_h", 0.0)
+        self._sweep: SweepErrors | None = None
+        if p.impairments.sweep is not None:
+            self._sweep = SweepErrors(chirp, p.antenna.array, p.receiver, p.impairments.sweep, seed=seed, name=name)
         self._rain: Rain | None = None
         if rain_mm_per_h > 0.0:
             limit_m = chirp.max_range_m if p.mask.max_range_m is None else min(p.mask.max_range_m, chirp.max_range_m)
@@ -145,6 +149,8 @@ class RadarFrames:
             echoes = self._scatterers.with_more(drops)
             self._rain.attenuate(echoes)
         report = self._synthesizer.synthesize(echoes, self._signal)
+        if self._sweep is not None:
+            self._sweep.add(echoes, self._signal, seq)
         if disturb is not None:
             disturb(self._signal)
         out = np.empty(self._signal.shape, np.uint16)

@@ -393,3 +393,16 @@ def test_rain_is_a_switch() -> None:
     dry, none, wet = (radar(impairments=QUIET, outputs=("raw",), rain_mm_per_h=rate) for rate in (None, 0.0, 50.0))
     frames = [sensor.sample(truth(0), 0).channels["raw"] for sensor in (dry, none, wet)]
     assert frames[0].tobytes() == frames[1].tobytes() != frames[2].tobytes()
+
+
+def test_sweep_errors_and_compression_are_switches() -> None:
+    plain = radar(impairments=QUIET, outputs=("raw",)).sample(truth(0), 0).channels["raw"]
+    for more in (
+        {"sweep": {"phase_noise": [[1e4, -60.0], [1e6, -80.0]]}},
+        {"sweep": {"nonlinearity": [[0.0, -2e5], [0.5, 2e5], [1.0, -2e5]]}},
+        {"compression": {"limit_counts": 200.0}},
+    ):
+        changed = radar(impairments=QUIET | more, outputs=("raw",)).sample(truth(0), 0).channels["raw"]
+        assert np.any(changed != plain)
+    off = radar(impairments=QUIET | {"sweep": None, "compression": None}, outputs=("raw",))
+    assert off.sample(truth(0), 0).channels["raw"].tobytes() == plain.tobytes()
