@@ -94,7 +94,7 @@ class ReceiverNoise(StrictModel):
 
 
 class Compression(StrictModel):
-    """Soft limit of the amplifiers. The compression is 1 dB at 0.83 of the limit."""
+    """Soft limit of the amplifiers. The compression is 1 dB at 0.59 of the limit."""
 
     limit_counts: Annotated[float, Field(ge=1.0, le=1e9)]
 

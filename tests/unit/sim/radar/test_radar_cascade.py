@@ -26,14 +26,14 @@ def test_the_virtual_array_is_tis() -> None:
     assert (array.transmitters, len(array.rx_positions_m)) == (12, 16)
     places = np.array(array.positions_m)[:, 1:] / HALF_M
     assert np.allclose(places, np.rint(places), atol=1e-4)
-    level = {int(round(y)) for y, z in places.tolist() if abs(z) < 0.5}
+    level = {round(y) for y, z in places.tolist() if abs(z) < 0.5}
     assert level == set(range(86))
-    assert {int(round(z)) for z in places[:, 1].tolist()} == {0, 1, 4, 6}
+    assert {round(z) for z in places[:, 1].tolist()} == {0, 1, 4, 6}
 
 
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(21.0, 9.0), (-47.0, -22.0)])
 def test_a_target_is_where_it_is(azimuth_deg: float, elevation_deg: float) -> None:
-    chirp = PRESET.chirp.model_copy(update={"chirps": 96, "samples": 64, "bandwidth_hz": 0.632e9})
+    chirp = PRESET.chirp.model_copy(update={"chirps": 384, "samples": 64, "bandwidth_hz": 0.632e9})
     range_m, speed_mps = 7.3 * chirp.range_resolution_m, 0.6
     target = Echoes(
         np.array([range_m]), np.array([speed_mps]), direction(azimuth_deg, elevation_deg)[None], np.array([8000.0])
