@@ -7,6 +7,7 @@ frame_start  additional pattern while the chip warms up after the frame's first 
 dc_wander    DC of each chirp, white from chirp to chirp
 noise        receiver noise by its power in each bin of beat frequency, independent from chirp to chirp
 compression  of the amplifiers before the converter: y = x / sqrt(1 + (x / limit)^2) of echoes and interference
+coupling     between receivers (sim/radar/coupling.py)
 sweep        phase noise and a sweep that is not linear (sim/radar/sweep_errors.py)
 adc          unequal code widths: odd codes are `odd_code_share` of all (0.5: an even converter)
 
@@ -26,6 +27,7 @@ from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
+from sim.radar.coupling import Coupling
 from sim.radar.sweep_errors import Sweep
 from sim.radar.swept_pattern import SweptPattern
 
@@ -121,6 +123,7 @@ class Impairments(StrictModel):
     adc: Adc | None = None
     compression: Compression | None = None
     sweep: Sweep | None = None
+    coupling: Coupling | None = None
 
     def problems_with(self, chirp: Chirp, receivers: int) -> list[str]:
         """Return why these impairments do not fit the number of receivers or the chirp; empty if they do."""
@@ -138,6 +141,9 @@ class Impairments(StrictModel):
         wide = "" if self.sweep is None else self.sweep.problem_with(chirp)
         if wide:
             problems.append(f"sweep {wide}")
+        unfit = "" if self.coupling is None else self.coupling.problem_with(chirp, receivers)
+        if unfit:
+            problems.append(f"coupling {unfit}")
         for name, part in (("leakage", self.leakage), ("frame_start", self.frame_start)):
             problem = part.sweep.problem_with(chirp) if part is not None else ""
             if problem:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import sqrt
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +167,7 @@ class SweepErrors:
                 signal[2 * k + 1] += shift * self._both[2 * k]
 
 
-def _cos_sin(angle_rad: Float64) -> tuple[Float64, Float64]:
+def _cos_sin(angle_rad: NDArray[Any]) -> tuple[Float64, Float64]:
     cosine, sine = np.empty(len(angle_rad)), np.empty(len(angle_rad))
-    cosines_and_sines(np.ascontiguousarray(angle_rad), cosine, sine)
+    cosines_and_sines(np.ascontiguousarray(angle_rad, np.float64), cosine, sine)
     return cosine, sine

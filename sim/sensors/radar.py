@@ -30,6 +30,7 @@ from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
+from sim.radar.coupling import couple
 from sim.radar.ghost_echoes import GhostEchoes, Ghosts
 from sim.radar.ghost_objects import GhostEcho, ghost_objects
 from sim.radar.interference import Transmission
@@ -119,6 +120,7 @@ class RadarFrames:
         rain_mm_per_h = p.rain_mm_per_h
         if rain_mm_per_h is None:
             rain_mm_per_h = getattr(world.scene.weather, "rain_mm_per_h", 0.0)
+        self._coupling, self._parts = p.impairments.coupling, chirp.parts
         self._sweep: SweepErrors | None = None
         if p.impairments.sweep is not None:
             self._sweep = SweepErrors(chirp, p.antenna.array, p.receiver, p.impairments.sweep, seed=seed, name=name)
@@ -153,6 +155,8 @@ class RadarFrames:
             self._sweep.add(echoes, self._signal, seq)
         if disturb is not None:
             disturb(self._signal)
+        if self._coupling is not None:
+            couple(self._coupling, self._parts, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
         self._count(self._scatterers.last, report)

@@ -10,6 +10,7 @@ import pytest
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.antenna import Pattern
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
+from sim.radar.coupling import Coupling, couple
 from sim.radar.echoes import Echoes
 from sim.radar.impairments import Compression, Impairments
 from sim.radar.receiver import Receiver
@@ -135,3 +136,26 @@ def test_cuts_have_their_rows() -> None:
         Pattern(
             gain_dbi=1.0, azimuth_beamwidth_deg=50.0, elevation_beamwidth_deg=30.0, azimuth_cut=((1.0, 0.0), (0.0, 0.0))
         )
+
+
+def test_coupled_receivers_have_shares_of_each_other() -> None:
+    rng = np.random.Generator(np.random.Philox(1))
+    z = rng.normal(size=(2, 4, 8)) + 1j * rng.normal(size=(2, 4, 8))
+    signal = np.stack([z[0].real, z[0].imag, z[1].real, z[1].imag])
+    couple(Coupling(rows=((1, 2, -20.0, 30.0), (2, 1, -26.0, -90.0))), 2, signal)
+    expected = (z[0] + 0.1 * np.exp(1j * math.pi / 6.0) * z[1], z[1] - 1j * 10.0**-1.3 * z[0])
+    for k in range(2):
+        assert np.allclose(signal[2 * k] + 1j * signal[2 * k + 1], expected[k], atol=1e-12)
+    real = rng.normal(size=(2, 4, 8))
+    turned = real.copy()
+    couple(Coupling(rows=((2, 1, -20.0, 180.0),)), 1, turned)
+    assert np.allclose(turned, np.stack([real[0], real[1] - 0.1 * real[0]]), atol=1e-12)
+
+
+def test_couplings_refused() -> None:
+    with pytest.raises(ValueError, match="two rows"):
+        Coupling(rows=((1, 2, -20.0, 0.0), (1, 2, -21.0, 0.0)))
+    with pytest.raises(ValueError, match="coupled to itself"):
+        Coupling(rows=((1, 1, -20.0, 0.0),))
+    for rows, words in ((((1, 4, -20.0, 0.0),), "names receiver 4"), (((1, 2, -20.0, 45.0),), "real samples cannot")):
+        assert words in Impairments(coupling=Coupling(rows=rows)).problems_with(CHIRP, 3)[0]
