@@ -47,11 +47,13 @@ class BistaticReflection:
         self._slope2 = 2.0 * reflection.facet_slope * reflection.facet_slope
         self._gamma2 = np.zeros((len(surfaces), _GAMMA_STEPS + 2))
         self._phase_height = np.zeros(len(surfaces))
+        roots = [i / _GAMMA_STEPS for i in range(_GAMMA_STEPS + 1)]
+        cosines = [root * root for root in roots]
         for k, surface in enumerate(surfaces):
             if k == 0:
                 continue  # no surface
             eps_r, eps_i, self._phase_height[k] = at_carrier(surface, carrier_hz)
-            row = [radar_fresnel_power(eps_r, eps_i, (i / _GAMMA_STEPS) ** 2) for i in range(_GAMMA_STEPS + 1)]
+            row = [radar_fresnel_power(eps_r, eps_i, c) for c in cosines]
             self._gamma2[k] = [*row, row[-1]]
         nodes = [det_exp(-i / _EXP_STEPS) for i in range(_EXP_STEPS * _EXP_REACH + 1)]
         self._exp = np.array([*nodes, 0.0, 0.0])
@@ -65,7 +67,7 @@ class BistaticReflection:
         """Return sigma0, (n,); all cosines above 0."""
         phase = 0.5 * self._phase_height[surface] * (cos_in + cos_out)
         coherent = self._decay(phase * phase)
-        b2 = np.maximum(cos_beta, _LEAST_COS_BETA) ** 2
+        b2 = np.square(np.maximum(cos_beta, _LEAST_COS_BETA))
         lobe = self._decay((1.0 - b2) / (b2 * self._slope2)) / (self._slope2 * b2 * b2)
         both = self._reflectance(surface, cos_in) * self._reflectance(surface, cos_out)
         rough = 4.0 * (1.0 - coherent) * np.sqrt(both) * cos_in * cos_out

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signals._kernel import det_pow
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 from sim._kernels import Vicinity
@@ -132,7 +133,7 @@ class GhostEchoes:
         self._reflection = BistaticReflection(world.surfaces, chirp.center_frequency_hz, Reflection())
         self._blades = RotorBlades(world)
         self._spacing_rad = settings.spacing_deg * RAD_PER_DEG
-        self._floor = 10.0 ** (0.1 * settings.floor_db)
+        self._floor = det_pow(10.0, 0.1 * settings.floor_db)
         self._surface = world.geom_surface.astype(np.int64)
         self._instance = world.geom_instance.astype(np.int64)
         self._class = world.geom_class

@@ -37,17 +37,18 @@ class _Announced:
 class OtherRadars:
     """Transmissions of all other vehicles' radars in one radar's frames."""
 
-    def __init__(self, geometry: FrameGeometry, optical: Mount, own: Transmission) -> None:
+    def __init__(self, geometry: FrameGeometry, name: str, optical: Mount, own: Transmission) -> None:
+        """`name`: of the sensor. One made anew takes the place of the one before."""
         self._geometry = geometry
-        self._all: list[_Announced] = geometry.prepared.setdefault(OtherRadars, [])
+        self._all: dict[tuple[int, str], _Announced] = geometry.prepared.setdefault(OtherRadars, {})
         self._interfered = Interfered(own.chirp, own.antenna, own.receiver, own.clock)
         self.disturbed = 0  # samples of a receiver so far
         if geometry.left_out >= 0:
-            self._all.append(_Announced(geometry.left_out, optical, own))
+            self._all[geometry.left_out, name] = _Announced(geometry.left_out, optical, own)
 
     def add(self, pose: CameraPose, t_ns: int, signal: NDArray[np.float64]) -> None:
         """Add the transmissions to the frame of `t_ns`, taken from `pose`."""
-        for other in self._all:
+        for _, other in sorted(self._all.items(), key=lambda item: item[0]):
             if other.actor == self._geometry.left_out:
                 continue
             path = self._path(pose, other, t_ns)

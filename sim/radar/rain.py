@@ -93,7 +93,7 @@ def coefficients(frequency_hz: float) -> tuple[float, float, float, float]:
 
     def series(table: tuple[tuple[tuple[float, float, float], ...], float, float]) -> float:
         terms, m, c = table
-        return sum(a * det_exp(-(((x - b) / w) ** 2)) for a, b, w in terms) + m * x + c
+        return sum(a * det_exp(-((x - b) / w) * ((x - b) / w)) for a, b, w in terms) + m * x + c
 
     return det_pow(10.0, series(_K_H)), series(_ALPHA_H), det_pow(10.0, series(_K_V)), series(_ALPHA_V)
 
@@ -115,7 +115,7 @@ def water_permittivity(frequency_hz: float) -> Complex:
     e1, e2 = 0.0671 * e0, 3.52
     fp = 20.20 - 146.0 * theta + 316.0 * theta * theta
     fs = 39.8 * fp
-    p, s = 1.0 + (f / fp) ** 2, 1.0 + (f / fs) ** 2
+    p, s = 1.0 + (f / fp) * (f / fp), 1.0 + (f / fs) * (f / fs)
     return (e0 - e1) / p + (e1 - e2) / s + e2, (e0 - e1) * (f / fp) / p + (e1 - e2) * (f / fs) / s
 
 

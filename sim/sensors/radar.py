@@ -216,7 +216,7 @@ class Radar(InstalledSensor):
         self._others: OtherRadars | None = None
         if p.interference is not None:
             own = Transmission(p.chirp, p.antenna, p.receiver, p.interference, installation.period_ns / NS_PER_S)
-            self._others = OtherRadars(frames.geometry, self._optical, own)
+            self._others = OtherRadars(frames.geometry, name, self._optical, own)
         self._object_echoes: ObjectEchoes | None = None
         self.objects: list[ObjectEcho] = []  # of the last frame, after `label_objects`
         self.ghosts: list[GhostEcho] = []  # their ghosts, the same
