@@ -125,7 +125,7 @@ FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps ev
         (f"{{{PRESET}, rate_hz: 10, bounces: {{spacing: 1}}}}", "did you mean 'spacing_deg'?"),
         (f"{{{PRESET}, rate_hz: 10, interference: {{clock_ppm: 2000}}}}", "clock_ppm must be at most 1000, not 2000"),
         (f"{{{PRESET}, rate_hz: 10, rain_mm_per_h: 300}}", "rain_mm_per_h must be at most 200, not 300"),
-        (f"{{{PRESET}, rate_hz: 10, impairments: {{compression: {{limit_counts: 0}}}}}}", "limit_counts must be at least 1, not 0"),
+        (f"{{{PRESET}, rate_hz: 10, impairments: {{compression: {{limit_counts: 0}}}}}}", "must be at least 1, not 0"),
         (
             f"{{{PRESET}, rate_hz: 10, impairments: {{sweep: {{nonlinearity: [[0, -9.0e6], [1, 9.0e6]]}}}}}}",
             "the limit is 0.3",
