@@ -85,7 +85,7 @@ class Ghosts:
 
 @dataclass(frozen=True, eq=False)
 class _Hits:
-    """What rays meet; without a hit geom is -1."""
+    """Surfaces that rays meet; without a hit geom is -1."""
 
     range_m: Float64
     geom: Ids

@@ -58,7 +58,7 @@ class Interference(StrictModel):
 
 @dataclass(frozen=True)
 class Transmission:
-    """What another radar sends."""
+    """Chirps of another radar, with the antenna and the clock that send them."""
 
     chirp: Chirp
     antenna: Antenna

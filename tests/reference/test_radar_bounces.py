@@ -219,7 +219,7 @@ def test_a_ball_is_no_mirror(tmp_path: Path) -> None:
 
 
 def test_ghosts_below_the_floor_are_left_out(tmp_path: Path) -> None:
-    """What a higher floor leaves out is weaker than the floor allows: the same path by a perfect mirror."""
+    """A higher floor leaves out weaker mirrors."""
     world = world_of(tmp_path, GROUND, BALL)
     low, high = (ghosts_of(world, floor_db=floor) for floor in (-60.0, -10.0))
     assert 0 < high.count < low.count
