@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "bind_arrays.hpp"
+#include "detmath.hpp"
 #include "radar/directions.hpp"
 #include "radar/reflection.hpp"
 #include "radar/scatterers.hpp"
@@ -58,6 +59,27 @@ void bind_radar_scatterers(nb::module_ &m) {
             rd::amplitude_curve(surface_of(eps_r, eps_i, phase_height, facet_slope), out.data(), out.shape(0));
         },
         "eps_r"_a, "eps_i"_a, "phase_height"_a, "facet_slope"_a, "out"_a.noconvert());
+    m.def(
+        "cosines_and_sines",
+        [](In<double, -1> angle_rad, Out<double, -1> cosine, Out<double, -1> sine) {
+            const std::size_t n = angle_rad.shape(0);
+            need(cosine.shape(0) == n && sine.shape(0) == n, "all arrays need one row per angle");
+            nb::gil_scoped_release release;
+            for (std::size_t i = 0; i < n; ++i) {
+                cosine.data()[i] = hil::det::cos(angle_rad.data()[i]);
+                sine.data()[i] = hil::det::sin(angle_rad.data()[i]);
+            }
+        },
+        "angle_rad"_a.noconvert(), "cosine"_a.noconvert(), "sine"_a.noconvert(), "Write both of each angle.");
+    m.def(
+        "arc_tangents",
+        [](In<double, -1> y, In<double, -1> x, Out<double, -1> angle_rad) {
+            const std::size_t n = angle_rad.shape(0);
+            need(y.shape(0) == n && x.shape(0) == n, "all arrays need one row per angle");
+            nb::gil_scoped_release release;
+            for (std::size_t i = 0; i < n; ++i) angle_rad.data()[i] = hil::det::atan2(y.data()[i], x.data()[i]);
+        },
+        "y"_a.noconvert(), "x"_a.noconvert(), "angle_rad"_a.noconvert(), "Write the angle of each (x, y).");
     m.def(
         "pixel_solid_angles",
         [](In<double, -1, -1, 3> corners, Out<double, -1, -1> out) {

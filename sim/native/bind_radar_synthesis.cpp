@@ -1,6 +1,10 @@
 // sim._kernels.EchoSynthesis: raw radar samples from echoes. Contract: radar/synthesis.hpp. Its only caller,
 // sim/radar/synthesis.py, checks the arguments.
 
+#include <nanobind/stl/optional.h>
+
+#include <optional>
+
 #include "bind_arrays.hpp"
 #include "radar/synthesis.hpp"
 
@@ -8,9 +12,12 @@ using namespace hil::sim::radar;
 
 namespace {
 
-SynthesisReport synthesize(Synthesis &synthesis, In<double, -1> range, In<double, -1> speed, In<double, -1, 3> direction, In<double, -1> amplitude, Out<double, -1, -1, -1> out) {
+SynthesisReport synthesize(Synthesis &synthesis, In<double, -1> range, In<double, -1> speed, In<double, -1, 3> direction,
+                           In<double, -1> amplitude, std::optional<In<double, -1, 3>> out_direction,
+                           Out<double, -1, -1, -1> out) {
     const std::size_t count = range.shape(0);
-    const EchoView echoes{count, range.data(), speed.data(), direction.data(), amplitude.data()};
+    const EchoView echoes{count,           range.data(),     speed.data(),
+                          direction.data(), amplitude.data(), out_direction ? out_direction->data() : nullptr};
     nb::gil_scoped_release release;
     return synthesis.synthesize(echoes, out.data());
 }
@@ -45,5 +52,6 @@ void bind_radar_synthesis(nb::module_ &m) {
             "hp_cutoff_hz"_a, "aaf_cutoff_hz"_a, "direct"_a, "tolerance"_a, "drop_share"_a, "isa"_a = "",
             "A cut-off of 0 switches a filter off, 0 bands: time division.")
         .def("synthesize", &synthesize, "range_m"_a.noconvert(), "speed_mps"_a.noconvert(), "direction_R"_a.noconvert(),
-             "amplitude"_a.noconvert(), "out"_a.noconvert(), "Overwrite out (channels, chirps, samples).");
+             "amplitude"_a.noconvert(),
+             "out_direction_R"_a.noconvert().none(), "out"_a.noconvert(), "Overwrite out (channels, chirps, samples).");
 }

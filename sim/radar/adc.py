@@ -55,6 +55,7 @@ class RadarReceiverChain:
         if problems:
             raise ValueError("impairments." + "; impairments.".join(problems))
         self.shape = (n_rx, chirp.chirps, chirp.samples)
+        self._compression = impairments.compression
         leakage, start, wander = impairments.leakage, impairments.frame_start, impairments.dc_wander
         if leakage is None:
             fixed = [[0.5 * 2**adc_bits] * chirp.samples] * n_rx
@@ -79,6 +80,9 @@ class RadarReceiverChain:
 
     def digitise(self, signal: Float64, seq: int, out: Codes) -> None:
         """Write the codes of frame `seq` to `out`, both (n_rx, M, N). Raises ValueError if a sample is not finite."""
+        if self._compression is not None:
+            ratio = signal / self._compression.limit_counts
+            signal = signal / np.sqrt(1.0 + ratio * ratio)
         index = self._native.digitise(signal, seq, out)  # of the first sample that is not finite; -1: none
         if index >= 0:
             k, m, n = (int(i) for i in np.unravel_index(index, self.shape))

@@ -7,7 +7,8 @@ elevation:
     p = ln(1/2) / ln(cos(a / 2)),   q = ln(1/2) / ln(cos(e / 2))
 
 In either principal plane the gain is a power of the cosine, and half of G_0 at half the beamwidth off the axis. This is
-the main lobe of a small patch antenna, without side lobes. All receivers have the same pattern, and all transmitters.
+the main lobe of a small patch antenna, without side lobes; measured cuts have them (antenna_cut.py). All receivers have
+the same pattern, and all transmitters.
 
 A pair of transmitter p and receiver k is a channel of the virtual array, at t_p + r_k (Richards, Fundamentals of Radar
 Signal Processing, 2nd ed., sec. 9.8). Several transmitters are told apart
@@ -30,7 +31,9 @@ from signals._kernel import det_cos, det_log, det_pow
 from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
-from sim._kernels import cosine_pattern
+from sim._kernels import azimuth_elevation, cosine_pattern
+from sim.radar import antenna_cut
+from sim.radar.antenna_cut import Cut
 from sim.radar.chirp import Chirp
 from sim.radar.synthesis import MAX_RECEIVERS, MAX_TRANSMITTERS, ORIGIN
 from sim.radar.virtual_array import VirtualArray
@@ -48,6 +51,16 @@ class Pattern(StrictModel):
     gain_dbi: Annotated[float, Field(ge=-30.0, le=60.0)]  # on the axis
     azimuth_beamwidth_deg: _Beamwidth  # full width at half of the power
     elevation_beamwidth_deg: _Beamwidth
+    azimuth_cut: Cut | None = None  # rows of degrees and dB, in place of the beamwidth; sim/radar/antenna_cut.py
+    elevation_cut: Cut | None = None
+
+    @field_validator("azimuth_cut", "elevation_cut")
+    @classmethod
+    def _rising(cls, cut: tuple[tuple[float, float], ...] | None) -> tuple[tuple[float, float], ...] | None:
+        problem = "" if cut is None else antenna_cut.problem_with(cut)
+        if problem:
+            raise ValueError(problem)
+        return cut
 
     @property
     def axis_gain(self) -> float:
@@ -56,9 +69,27 @@ class Pattern(StrictModel):
 
     def share(self, direction_R: Float64) -> Float64:
         """Return the gain in unit directions (n, 3), relative to the axis, (n,)."""
+        if self.azimuth_cut is not None or self.elevation_cut is not None:
+            return self._share_by_cuts(direction_R)
         share = np.empty(len(direction_R))
         p, q = _exponent(self.azimuth_beamwidth_deg), _exponent(self.elevation_beamwidth_deg)
         cosine_pattern(np.ascontiguousarray(direction_R, np.float64), p, q, share)
+        return share
+
+    def _share_by_cuts(self, direction_R: Float64) -> Float64:
+        """Return the product of both planes; a plane without a cut has its main lobe alone."""
+        d = np.ascontiguousarray(direction_R, np.float64)
+        azimuth, elevation, lobe = np.empty(len(d)), np.empty(len(d)), np.empty(len(d))
+        azimuth_elevation(d, azimuth, elevation)
+        p = 0.0 if self.azimuth_cut is not None else _exponent(self.azimuth_beamwidth_deg)
+        q = 0.0 if self.elevation_cut is not None else _exponent(self.elevation_beamwidth_deg)
+        share = np.ones(len(d))
+        if p != 0.0 or q != 0.0:
+            cosine_pattern(d, p, q, lobe)
+            share = lobe
+        for cut, angle in ((self.azimuth_cut, azimuth), (self.elevation_cut, elevation)):
+            if cut is not None:
+                share = share * antenna_cut.share(cut, angle)
         return share
 
     def gain(self, direction_R: Float64) -> Float64:

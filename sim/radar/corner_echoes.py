@@ -94,9 +94,9 @@ class CornerEchoes:
             if self._mask.max_range_m is not None and range_m > self._mask.max_range_m:
                 continue
             d_W = (x / range_m, y / range_m, z / range_m)
-            d_K = _rotated_back(R_WK, d_W)
+            d_K = rotated_back(R_WK, d_W)
             area_m2 = effective_area_m2((-d_K[0], -d_K[1], -d_K[2]), corner.edge_m)
-            d_C = _rotated_back(pose.R_WC, d_W)
+            d_C = rotated_back(pose.R_WC, d_W)
             if area_m2 == 0.0 or not self._is_free(picture_range, d_C, range_m - sqrt(2.0) * corner.edge_m):
                 continue
             d_R = np.array([[d_C[2], -d_C[0], -d_C[1]]])
@@ -127,7 +127,7 @@ class CornerEchoes:
         return float(picture_range[i, j]) >= min_m
 
 
-def _rotated_back(R: Sequence[float], v: Vec3) -> Vec3:
+def rotated_back(R: Sequence[float], v: Vec3) -> Vec3:
     """Return R^T v."""
     x, y, z = v
     return (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)

@@ -2,7 +2,7 @@
 
 An echo has range R and radial speed v (+ receding) at the middle of the frame, and the unit direction d_R from the
 radar (frame R: x forward, y left, z up). Its amplitude A is the peak of its beat signal in ADC counts, before the
-filters of the receiver.
+filters of the receiver. An echo by a mirror can leave in another direction than it comes back from.
 """
 
 from __future__ import annotations
@@ -23,3 +23,4 @@ class Echoes:
     speed_mps: Float64  # (n,), + receding
     direction_R: Float64  # (n, 3), unit
     amplitude: Float64  # (n,), counts, >= 0
+    out_direction_R: Float64 | None = None  # (n, 3), in which echoes leave; None: as they come back

@@ -6,6 +6,9 @@ leakage      TX to RX, DC and static objects close to the sensor, over the sweep
 frame_start  additional pattern while the chip warms up after the frame's first chirp
 dc_wander    DC of each chirp, white from chirp to chirp
 noise        receiver noise by its power in each bin of beat frequency, independent from chirp to chirp
+compression  of the amplifiers before the converter: y = x / sqrt(1 + (x / limit)^2) of echoes and interference
+coupling     between receivers (sim/radar/coupling.py)
+sweep        phase noise and a sweep that is not linear (sim/radar/sweep_errors.py)
 adc          unequal code widths: odd codes are `odd_code_share` of all (0.5: an even converter)
 
 The power of a bin is |DFT|^2 / N of one chirp's N samples [counts^2], so that white noise of deviation sigma has
@@ -24,6 +27,8 @@ from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
+from sim.radar.coupling import Coupling
+from sim.radar.sweep_errors import Sweep
 from sim.radar.swept_pattern import SweptPattern
 
 _Count = Annotated[float, Field(ge=0.0, le=65536.0)]
@@ -90,6 +95,12 @@ class ReceiverNoise(StrictModel):
         return row[i] + t * (row[i + 1] - row[i])
 
 
+class Compression(StrictModel):
+    """Soft limit of the amplifiers. The compression is 1 dB at 0.59 of the limit."""
+
+    limit_counts: Annotated[float, Field(ge=1.0, le=1e9)]
+
+
 class Adc(StrictModel):
     """Converter with code widths that differ between odd and even codes."""
 
@@ -110,6 +121,9 @@ class Impairments(StrictModel):
     dc_wander: DcWander | None = None
     noise: ReceiverNoise | None = None
     adc: Adc | None = None
+    compression: Compression | None = None
+    sweep: Sweep | None = None
+    coupling: Coupling | None = None
 
     def problems_with(self, chirp: Chirp, receivers: int) -> list[str]:
         """Return why these impairments do not fit the number of receivers or the chirp; empty if they do."""
@@ -124,6 +138,12 @@ class Impairments(StrictModel):
             for name, count in given.items()
             if count is not None and count != receivers
         ]
+        wide = "" if self.sweep is None else self.sweep.problem_with(chirp)
+        if wide:
+            problems.append(f"sweep {wide}")
+        unfit = "" if self.coupling is None else self.coupling.problem_with(chirp, receivers)
+        if unfit:
+            problems.append(f"coupling {unfit}")
         for name, part in (("leakage", self.leakage), ("frame_start", self.frame_start)):
             problem = part.sweep.problem_with(chirp) if part is not None else ""
             if problem:

@@ -75,7 +75,7 @@ class ObjectEchoes:
         instance = picture["instance"].reshape(-1)[[*pixel.tolist(), *corners] if corners else pixel]
 
         input_power = echoes.amplitude * echoes.amplitude
-        power = input_power * self._filter_power(echoes.range_m)
+        power = input_power * self._receiver.filter_power(echoes.range_m * self._hz_per_m)
         count = int(instance.max(initial=0)) + 1
         total = np.bincount(instance, power, count)
         total_input = np.bincount(instance, input_power, count)
@@ -101,13 +101,3 @@ class ObjectEchoes:
         columns = (range_m, nearest_m[found], radial_mps, azimuth_rad, elevation_rad, total[found], power_w)
         rows = zip(found.tolist(), *(column.tolist() for column in columns), strict=True)
         return [ObjectEcho(*row) for row in rows]
-
-    def _filter_power(self, range_m: Float64) -> Float64:
-        """Return |H|^2 of the receiver's filters at the beat frequencies of these ranges."""
-        f_hz, gain = range_m * self._hz_per_m, np.ones(len(range_m))
-        if self._receiver.hp_cutoff_hz is not None:
-            gain *= f_hz * f_hz / (self._receiver.hp_cutoff_hz**2 + f_hz * f_hz)
-        if self._receiver.aaf_cutoff_hz is not None:
-            ratio = f_hz / self._receiver.aaf_cutoff_hz
-            gain /= 1.0 + ratio * ratio
-        return gain

@@ -11,6 +11,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from signals._kernel import det_pow
@@ -51,3 +53,13 @@ class Receiver(StrictModel):
     def counts_per_sqrt_watt(self) -> float:
         """Peak of a sine in counts per root of its power at the antenna's port."""
         return sqrt(2.0 * self.impedance_ohm) * det_pow(10.0, self.conversion_gain_db / 20.0) / self.count_v
+
+    def filter_power(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return |H|^2 of the filters at beat frequencies, (n,)."""
+        gain = np.ones(len(frequency_hz))
+        if self.hp_cutoff_hz is not None:
+            gain *= frequency_hz * frequency_hz / (self.hp_cutoff_hz**2 + frequency_hz * frequency_hz)
+        if self.aaf_cutoff_hz is not None:
+            ratio = frequency_hz / self.aaf_cutoff_hz
+            gain /= 1.0 + ratio * ratio
+        return gain

@@ -48,7 +48,7 @@ class Reflection(StrictModel):
         """Return sigma0 at cosines of incidence, (n,)."""
         sigma0 = np.empty(len(cosine))
         radar_backscatter(
-            *_at_carrier(surface, carrier_hz), self.facet_slope, np.ascontiguousarray(cosine, np.float64), sigma0
+            *at_carrier(surface, carrier_hz), self.facet_slope, np.ascontiguousarray(cosine, np.float64), sigma0
         )
         return sigma0
 
@@ -56,17 +56,17 @@ class Reflection(StrictModel):
         """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); surface 0 is not a surface."""
         curves = np.zeros((len(surfaces), RADAR_CURVE_STEPS + 1), np.float32)
         for surface, curve in zip(surfaces[1:], curves[1:], strict=True):
-            radar_amplitude_curve(*_at_carrier(surface, carrier_hz), self.facet_slope, curve)
+            radar_amplitude_curve(*at_carrier(surface, carrier_hz), self.facet_slope, curve)
         return curves
 
 
 def reflectance(surface: Surface, carrier_hz: float, cosine: float) -> float:
     """Return |Gamma|^2 of the smooth surface, the mean of both polarisations."""
-    eps_r, eps_i, _ = _at_carrier(surface, carrier_hz)
+    eps_r, eps_i, _ = at_carrier(surface, carrier_hz)
     return radar_fresnel_power(eps_r, eps_i, cosine)
 
 
-def _at_carrier(surface: Surface, carrier_hz: float) -> tuple[float, float, float]:
+def at_carrier(surface: Surface, carrier_hz: float) -> tuple[float, float, float]:
     """Return the real part of eps, minus its imaginary part, and 4 pi h / lambda with the roughness h."""
     loss = surface.conductivity_s_per_m / (TURN_RAD * carrier_hz * VACUUM_PERMITTIVITY_F_PER_M)
     phase_height = 2.0 * TURN_RAD * surface.roughness_m * carrier_hz / SPEED_OF_LIGHT_MPS

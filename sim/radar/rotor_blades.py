@@ -33,6 +33,15 @@ class RotorBlades:
         """Return True for pixels of blades, (height, width); None if the world has none."""
         return None if self._surface is None else picture["material"] == self._surface
 
+    def seen_speeds(
+        self, speed_mps: NDArray[np.float64], surface: NDArray[np.int64], chirp: Chirp
+    ) -> NDArray[np.float64]:
+        """Return speeds with those of blades as the chirps see them; `surface` of each."""
+        if self._surface is None:
+            return speed_mps
+        span_mps = 2.0 * chirp.max_speed_mps
+        return np.where(surface == self._surface, speed_mps - span_mps * np.rint(speed_mps / span_mps), speed_mps)
+
     def with_seen_speeds(self, picture: Mapping[str, NDArray[Any]], chirp: Chirp) -> Mapping[str, NDArray[Any]]:
         """Return the picture with the speeds of blades as the chirps see them."""
         blades = self.mask(picture)

@@ -84,6 +84,8 @@ class Scatterers:
     ) -> None:
         self.camera = camera
         self._isa = isa
+        # Directions in which echoes leave matter only to transmitters away from the origin.
+        self._places_matter = any(x != 0.0 for place in antenna.tx_positions_m for x in place)
         self._class_kept = mask.kept_classes(world.class_names)
         self._max_range_m = _MAX_RANGE_M if mask.max_range_m is None else mask.max_range_m
         self._curves = reflection.curves(world.surfaces, chirp.center_frequency_hz)
@@ -103,12 +105,15 @@ class Scatterers:
         self._window = int(np.count_nonzero(~inside))
         self._pattern = pixels - self._window - int(np.count_nonzero(active))
 
-        scale = _amplitude_scale(chirp, antenna, receiver)
+        scale = amplitude_scale(chirp, antenna, receiver)
         pixel_sr = solid_angles(camera)
         weight = scale * np.sqrt(share * pixel_sr.reshape(-1))
         # The kernel treats a weight of 0 as a dropped pixel, so float weights must not underflow.
         weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
         self._blocks = _blocks(rays_C, weight)
+        self.direction_R, self.weight = self._direction_R, weight  # of each pixel
+        self._used = 0  # rows of echoes
+        self._ways: Float64 | None = None  # directions in which they leave, where these matter
 
         self._corners = CornerEchoes(
             world.map.corners,
@@ -175,10 +180,40 @@ class Scatterers:
             corners,
         )
         n = kept + corners
+        self._used, self._ways = n, None
         return Echoes(out.range_m[:n], out.speed_mps[:n], out.direction_R[:n], out.amplitude[:n])
 
+    def with_more(self, more: Echoes) -> Echoes:
+        """Return the echoes since the last `collect` and others behind them, as views that are valid until the next."""
+        first, last = self._used, self._used + len(more.range_m)
+        if last > len(self._out.range_m):
+            o, capacity = self._out, last + last // 8
+            self._out = Echoes(
+                _grown(o.range_m, first, capacity),
+                _grown(o.speed_mps, first, capacity),
+                _grown(o.direction_R, first, capacity),
+                _grown(o.amplitude, first, capacity),
+            )
+        o = self._out
+        o.range_m[first:last] = more.range_m
+        o.speed_mps[first:last] = more.speed_mps
+        o.direction_R[first:last] = more.direction_R
+        o.amplitude[first:last] = more.amplitude
+        self._used = last
+        if self._places_matter and (more.out_direction_R is not None or self._ways is not None):
+            leaves = more.direction_R if more.out_direction_R is None else more.out_direction_R
+            self._ways = np.concatenate([o.direction_R[:first] if self._ways is None else self._ways, leaves])
+        return Echoes(o.range_m[:last], o.speed_mps[:last], o.direction_R[:last], o.amplitude[:last], self._ways)
 
-def _amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
+
+def _grown(array: Float64, used: int, capacity: int) -> Float64:
+    """Return an array with more rows, the first `used` of them those of `array`."""
+    grown = np.empty((capacity, *array.shape[1:]))
+    grown[:used] = array[:used]
+    return grown
+
+
+def amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
     """Return A R^2 of an echo on the axis per root of its cross-section [counts m]."""
     gain = antenna.tx.axis_gain * antenna.rx.axis_gain
     spread = chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)

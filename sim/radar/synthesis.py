@@ -10,7 +10,8 @@ f_b = S 2 R / c:
 
 With complex samples, a receiver's second channel is the same sum of sines. With transmitters at t_p, r_k becomes t_p +
 r_k for those that transmit in chirp m: of P in time division m mod P alone, in Doppler division all of them, each with
-the additional phase p m / `doppler_bands` cycles.
+the additional phase p m / `doppler_bands` cycles. An echo that leaves in another direction d_out than it
+comes back from has t_p . d_out + r_k . d_R.
 
 `direct` evaluates this sum in double precision and is the reference. `nufft` is a non-uniform FFT with the error
 ||x - x_direct|| / ||x_direct|| <= `tolerance` over the whole frame. Method: sim/native/radar/synthesis.hpp.
@@ -108,10 +109,14 @@ class Synthesizer:
         _check("speed_mps", echoes.speed_mps, (n,))
         _check("direction_R", echoes.direction_R, (n, 3))
         _check("amplitude", echoes.amplitude, (n,))
+        if echoes.out_direction_R is not None:
+            _check("out_direction_R", echoes.out_direction_R, (n, 3))
         _check("out", out, self.shape)
         if not out.flags.writeable:
             raise ValueError("out must be writable")
-        return self._synthesis.synthesize(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, out)
+        return self._synthesis.synthesize(
+            echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, echoes.out_direction_R, out
+        )
 
 
 def _positions(name: str, positions_m: Sequence[Vec3], most: int) -> list[tuple[float, float, float]]:

@@ -14,24 +14,33 @@ tracks, and maps with `clutter: background`, also depend on earlier frames.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.samples import RadarSample, TruthState
+from signals.samples import RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim._kernels import EchoSynthesisReport
 from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
 from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
+from sim.radar.coupling import couple
+from sim.radar.ghost_echoes import GhostEchoes, Ghosts
+from sim.radar.ghost_objects import GhostEcho, ghost_objects
+from sim.radar.interference import Transmission
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
+from sim.radar.other_radars import OtherRadars
 from sim.radar.processing.processor import Processor, Step
+from sim.radar.rain import Rain
 from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import ScattererReport, Scatterers
+from sim.radar.sweep_errors import SweepErrors
 from sim.radar.synthesis import Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
@@ -63,6 +72,8 @@ class RadarCounts:
         self.echoes = 0
         self.echoes_dropped = 0  # too weak to matter at the tolerance
         self.dropped_bound = 0.0  # greatest relative error of any frame by dropped echoes
+        self.ghosts = 0  # echoes by mirrors
+        self.rays = 0  # cast for them
         self.shared = 0  # pictures that the camera drew
         self.terms = 0  # greatest number of low-rank terms in the synthesis of any frame
 
@@ -70,8 +81,21 @@ class RadarCounts:
 class RadarFrames:
     """Raw frames of a radar from pictures, which may also come from a recording."""
 
-    def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
-        """Raises ValueError if the mask leaves no pixel, or names a class that the world does not have."""
+    def __init__(
+        self,
+        view: SharedPicture,
+        world: Any,
+        p: RadarParameters,
+        *,
+        seed: int,
+        name: str,
+        geometry: FrameGeometry | None = None,
+    ) -> None:
+        """`geometry`: for paths with more than one bounce, which recorded pictures alone do not show.
+
+        Raises ValueError if the mask leaves no pixel, or names a class that the world does not have, and for bounces
+        without a geometry.
+        """
         chirp, channels = p.chirp, p.antenna.channels(p.chirp)
         # Blades are folded into the speeds that one transmitter's chirps tell apart.
         self._chirp, self._blades = chirp.of_one_transmitter(p.antenna.array.turns), RotorBlades(world)
@@ -87,14 +111,52 @@ class RadarFrames:
         self._chain = RadarReceiverChain(
             chirp, p.impairments, channels, seed=seed, name=name, adc_bits=p.receiver.adc_bits
         )
+        self._ghosts: GhostEchoes | None = None
+        if p.bounces is not None:
+            if geometry is None:
+                raise ValueError(f"radar '{name}': recorded pictures do not show bounces; set its bounces to null")
+            self._ghosts = GhostEchoes(geometry, chirp, p.antenna, p.receiver, p.mask, p.bounces, self._chirp)
+        self.ghosts: Ghosts | None = None  # of the last frame
+        rain_mm_per_h = p.rain_mm_per_h
+        if rain_mm_per_h is None:
+            rain_mm_per_h = getattr(world.scene.weather, "rain_mm_per_h", 0.0)
+        self._coupling, self._parts = p.impairments.coupling, chirp.parts
+        self._sweep: SweepErrors | None = None
+        if p.impairments.sweep is not None:
+            self._sweep = SweepErrors(chirp, p.antenna.array, p.receiver, p.impairments.sweep, seed=seed, name=name)
+        self._rain: Rain | None = None
+        if rain_mm_per_h > 0.0:
+            limit_m = chirp.max_range_m if p.mask.max_range_m is None else min(p.mask.max_range_m, chirp.max_range_m)
+            view_R, weight = self._scatterers.direction_R, self._scatterers.weight
+            self._rain = Rain(chirp.center_frequency_hz, rain_mm_per_h, view_R, weight, limit_m, seed=seed, name=name)
         self._signal = np.zeros(p.raw_shape)
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
 
-    def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
-        """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples)."""
+    def raw(
+        self, picture: Picture, pose: CameraPose, seq: int, disturb: Callable[[NDArray[np.float64]], None] | None = None
+    ) -> NDArray[np.uint16]:
+        """Return frame `seq` of a picture taken from `pose`: a new array (channels, chirps, samples).
+
+        `disturb` adds to the signal before the converter.
+        """
         echoes = self._scatterers.collect(self._blades.with_seen_speeds(picture, self._chirp), pose)
+        if self._ghosts is not None:
+            self.ghosts = self._ghosts.find(pose)
+            echoes = self._scatterers.with_more(self.ghosts.echoes)
+            self.counts.ghosts += self.ghosts.count
+            self.counts.rays += self._ghosts.rays
+        if self._rain is not None:
+            drops = self._rain.echoes(picture["range"], *_down_and_velocity(pose), seq)
+            echoes = self._scatterers.with_more(drops)
+            self._rain.attenuate(echoes)
         report = self._synthesizer.synthesize(echoes, self._signal)
+        if self._sweep is not None:
+            self._sweep.add(echoes, self._signal, seq)
+        if disturb is not None:
+            disturb(self._signal)
+        if self._coupling is not None:
+            couple(self._coupling, self._parts, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
         self._count(self._scatterers.last, report)
@@ -109,6 +171,13 @@ class RadarFrames:
         counts.echoes_dropped += report.dropped
         counts.dropped_bound = max(counts.dropped_bound, report.dropped_bound)
         counts.terms = max(counts.terms, report.terms)
+
+
+def _down_and_velocity(pose: CameraPose) -> tuple[Vec3, Vec3]:
+    """Return the direction of gravity and the velocity of the pose, in R: x_R = z_C, y_R = -x_C, z_R = -y_C."""
+    R, (x, y, z) = pose.R_WC, pose.v_WC_W
+    v_C = (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
+    return (-R[8], R[6], R[7]), (v_C[2], -v_C[0], -v_C[1])
 
 
 class Radar(InstalledSensor):
@@ -140,10 +209,17 @@ class Radar(InstalledSensor):
         self._frames: FrameSource = frames
         self._renderer: Renderer | None = None
         self._own: dict[str, NDArray[Any]] = {}
-        self._radar = RadarFrames(self.view, frames.geometry.world, p, seed=installation.seed, name=name)
+        self._radar = RadarFrames(
+            self.view, frames.geometry.world, p, seed=installation.seed, name=name, geometry=frames.geometry
+        )
         self.channels = self._radar.channels
+        self._others: OtherRadars | None = None
+        if p.interference is not None:
+            own = Transmission(p.chirp, p.antenna, p.receiver, p.interference, installation.period_ns / NS_PER_S)
+            self._others = OtherRadars(frames.geometry, name, self._optical, own)
         self._object_echoes: ObjectEchoes | None = None
         self.objects: list[ObjectEcho] = []  # of the last frame, after `label_objects`
+        self.ghosts: list[GhostEcho] = []  # their ghosts, the same
         self._until: Step = next((step for step in _STEPS if step in p.outputs), "range_doppler")
         self._processor = None
         if p.needs_processing:
@@ -153,6 +229,11 @@ class Radar(InstalledSensor):
     def counts(self) -> RadarCounts:
         """Counts of the work so far."""
         return self._radar.counts
+
+    @property
+    def has_ghosts(self) -> bool:
+        """True for a radar with bounces."""
+        return self._parameters.bounces is not None
 
     def label_objects(self) -> None:
         """Find the objects of every frame, into `objects`. Call before the first frame; samples do not change."""
@@ -168,9 +249,12 @@ class Radar(InstalledSensor):
         self._frames.expect(t_ns)
         pose = self._optical.pose(truth)
         picture = self._picture(t_ns, pose)
-        raw = self._radar.raw(picture, pose, seq)
+        disturb = None if self._others is None else partial(self._others.add, pose, t_ns)
+        raw = self._radar.raw(picture, pose, seq, disturb)
         if self._object_echoes is not None:
             self.objects = self._object_echoes.find(picture, pose)
+            if self._radar.ghosts is not None:
+                self.ghosts = ghost_objects(self._radar.ghosts, self.chirp, self._parameters.receiver)
         channels: dict[str, NDArray[Any]] = {"raw": raw} if "raw" in self.outputs else {}
         if self._processor is not None:
             processed = self._processor.process(raw, t_ns, until=self._until)

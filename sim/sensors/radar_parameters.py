@@ -12,8 +12,10 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.shared_picture import SharedPicture
 from sim.radar.antenna import Antenna
 from sim.radar.board import Board
+from sim.radar.bounces import Bounces
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments
+from sim.radar.interference import Interference
 from sim.radar.mask import Mask
 from sim.radar.processing.parameters import Processing, power_of_two_from
 from sim.radar.receiver import Receiver
@@ -37,6 +39,9 @@ class RadarParameters(StrictModel):
     receiver: Receiver
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
+    rain_mm_per_h: Annotated[float, Field(ge=0.0, le=200.0)] | None = None  # null: of the scene's weather; 0: none
+    interference: Interference | None = None  # with radars of other vehicles; null: none
+    bounces: Bounces | None = None  # paths by mirrors; null: none
     processing: Processing = Processing()
     # Name of a camera whose pictures, mount and lens the radar uses. Null: its own view, given by the next six keys.
     frame: str | None = None

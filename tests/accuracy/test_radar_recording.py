@@ -131,5 +131,5 @@ def numbers(value: Any) -> Iterator[float]:
     if isinstance(value, list | tuple):
         for item in value:
             yield from numbers(item)
-    else:
+    elif value is not None:  # null: switched off
         yield value

@@ -73,6 +73,28 @@ def test_the_transform_is_within_its_tolerance(name: str, sampling: str, toleran
         assert error(frame_of(chirp, array, echoes, tolerance=tolerance), exact) < tolerance
 
 
+def leaving_elsewhere(echoes: Echoes) -> Echoes:
+    other = some_echoes(len(echoes.range_m), 1.0, 0.0, seed=9).direction_R
+    return Echoes(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, other)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_echoes_that_leave_in_another_direction(name: str) -> None:
+    array, chirps = ARRAYS[name]
+    chirp, echoes = chirp_of(chirps), leaving_elsewhere(some_echoes(7, 150.0, 40.0))
+    exact = reference(chirp, array, echoes, **FILTERS)
+    assert error(frame_of(chirp, array, echoes, method="direct"), exact) < 2e-13
+    many = leaving_elsewhere(some_echoes(800, 60.0, 20.0, decades=3.0))
+    exact = frame_of(chirp_of(2 * chirps), array, many, method="direct")
+    for tolerance in (1e-2, 1e-3, 1e-6, 1e-10):
+        assert error(frame_of(chirp_of(2 * chirps), array, many, tolerance=tolerance), exact) < tolerance
+    same = Echoes(many.range_m, many.speed_mps, many.direction_R, many.amplitude, many.direction_R)
+    plain = Echoes(many.range_m, many.speed_mps, many.direction_R, many.amplitude)
+    for method in ("direct", "nufft"):
+        one, other = (frame_of(chirp_of(2 * chirps), array, e, method=method) for e in (same, plain))
+        assert one.tobytes() == other.tobytes()
+
+
 @pytest.mark.parametrize("isa", ["base", "avx2"])
 def test_every_instruction_set_gives_the_same_bits(isa: str) -> None:
     array, chirps = ARRAYS["three in turn, an odd number each"]

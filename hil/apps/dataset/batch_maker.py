@@ -272,7 +272,8 @@ class BatchWriter:
         radar, t_ns = self._maker.sensors[name], sample.t_capture_ns
         objects = labelled(radar.objects, self._maker.catalogue)
         folder = f"{ROOT}/{self.plan.folder(name, next(iter(sample.channels)))}/{RADAR_LABELS}"
-        self._write(f"{folder}/{t_ns}.csv", radar_labels_csv(objects, self._maker.catalogue))
+        ghosts = radar.ghosts if radar.has_ghosts else None
+        self._write(f"{folder}/{t_ns}.csv", radar_labels_csv(objects, self._maker.catalogue, ghosts))
         if "range_doppler" in sample.channels:
             # The datasheet shows the frame with the most visible objects, of these the first one.
             rank = float(len(visible_objects(sample.channels["range_doppler"], objects, radar.seen)))

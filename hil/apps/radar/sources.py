@@ -200,6 +200,9 @@ def _open_pictures(
         problem = f"frame {camera!r}: that camera's {', '.join(_NEEDED)} were not recorded"
         raise ConfigError([Problem(str(path), problem, nearest(camera, cameras))])
     view = view_of(bench.config.sensors[camera])
+    if parameters.bounces is not None:
+        message = "pictures do not show paths with more than one bounce; record the radar's raw frames for them"
+        raise ConfigError([Problem(str(path), message, "or --set bounces=null")])
     try:
         radar = RadarFrames(view, load_world(bench.scene), parameters, seed=bench.config.seed, name=name)
     except ValueError as error:

@@ -42,6 +42,10 @@ Weighing weigh(const EchoModel &model, const EchoView &echoes, double *weight_sq
             const double *from = echoes.direction_R + 3 * first + at;
             const D d = numbers - at >= D::kCount ? load<D>(from) : eight(from, numbers - at, 0.0);
             wrong |= ~(abs(d) <= splat<D>(1.0 + 1e-6));
+            if (echoes.out_direction_R == nullptr) continue;
+            const double *out = echoes.out_direction_R + 3 * first + at;
+            const D o = numbers - at >= D::kCount ? load<D>(out) : eight(out, numbers - at, 0.0);
+            wrong |= ~(abs(o) <= splat<D>(1.0 + 1e-6));
         }
         D re, im;
         filtered(model, r * model.beat_hz_per_m, a, re, im);

@@ -69,6 +69,17 @@ HIL_INLINE void store_single(float *to, const D &x) {
     }
 }
 
+// t_p . (d_out - d) in cycles, which the receivers' sums t_p + r_k leave out. `way`: d.
+HIL_INLINE D turned_out(const EchoModel &model, const EchoView &echoes, const std::int32_t *echo, int group,
+                        const D *way) {
+    const double *t = model.transmitter[group];
+    D sum = splat<D>(0.0);
+    for (int axis = 0; axis < 3; ++axis) {
+        sum = sum + (picked<3>(echoes.out_direction_R + axis, echo) - way[axis]) * t[axis];
+    }
+    return sum;
+}
+
 // Fills the block with echoes index[0 .. count), count >= 1; rows from count on, up to a whole pack, have weight 0.
 HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
                            int group, EchoBlock &block) {
@@ -95,7 +106,8 @@ HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const
         // greatest alpha, 1e3 cycles, is rounded to 1e-13.
         const Twofold<D> half_alpha = {alpha.hi * chirp_offset, alpha.lo * chirp_offset};
         const Twofold<D> half_beta = {beta.hi * model.sample_offset, beta.lo * model.sample_offset};
-        const D phase = fraction(constant) + (fraction(half_alpha) + fraction(half_beta));
+        D phase = fraction(constant) + (fraction(half_alpha) + fraction(half_beta));
+        if (echoes.out_direction_R != nullptr) phase = phase - turned_out(model, echoes, echo, group, way);
         store(block.alpha + first, fraction(alpha));
         store(block.beta + first, fraction(beta));
         store(block.speed + first, v);

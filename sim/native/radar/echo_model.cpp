@@ -51,6 +51,10 @@ EchoModel echo_model(const ChirpFigures &chirp, const ArrayFigures &array, doubl
         const int p = g / model.groups_per_transmitter, first = g % model.groups_per_transmitter * kGroup;
         model.in_group[g] = std::min(model.receivers - first, kGroup);
         model.group_offset[g] = turns == 1 ? 0.0 : (p - 0.5 * (turns - 1)) / turns;
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            model.transmitter[g][axis] =
+                array.tx_positions_m[static_cast<std::size_t>(p)][axis] * chirp.center_frequency_hz / kLight;
+        }
         for (int k = 0; k < model.in_group[g]; ++k) {
             const auto &tx = array.tx_positions_m[static_cast<std::size_t>(p)];
             const auto &rx = array.rx_positions_m[static_cast<std::size_t>(first + k)];

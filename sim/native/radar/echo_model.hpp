@@ -74,16 +74,19 @@ struct EchoModel {
     double hp_cutoff_hz;               // 0: no high-pass
     double aaf_period_s;               // 1 / cut-off of the anti-alias filter; 0: none
     double receiver[kMaxGroups * kGroup][3];  // (t_p + r_k) / lambda, kGroup for each group
+    double transmitter[kMaxGroups][3];        // t_p / lambda of each group
 };
 
 // Cut-offs of 0 switch a filter off.
 EchoModel echo_model(const ChirpFigures &chirp, const ArrayFigures &array, double hp_cutoff_hz,
                      double aaf_cutoff_hz);
 
-// `count` echoes; direction_R is [count][3].
+// `count` echoes; direction_R is [count][3]. An echo by a mirror can leave in another direction than it comes back from:
+// out_direction_R, of the same shape, or null: the same. Its phase at t_p and r_k is that of t_p . d_out + r_k . d.
 struct EchoView {
     std::size_t count;
     const double *range_m, *speed_mps, *direction_R, *amplitude;
+    const double *out_direction_R = nullptr;
 };
 
 }  // namespace hil::sim::radar

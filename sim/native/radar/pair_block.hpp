@@ -49,8 +49,8 @@ HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, cons
         const D r = picked<1>(echoes.range_m, echo), v = picked<1>(echoes.speed_mps, echo);
         const D alpha = v * (r * model.chirp_per_mps_m + model.chirp_per_mps.hi);
         const D beta = r * model.sample_per_m.hi + v * (r * model.sample_per_mps_m + model.sample_per_mps);
-        const D phase = r * (r * model.cycles_per_m2 + model.cycles_per_m.hi) + alpha * chirp_offset +
-                        beta * model.sample_offset;
+        D phase = r * (r * model.cycles_per_m2 + model.cycles_per_m.hi) + alpha * chirp_offset +
+                  beta * model.sample_offset;
         place(alpha - nearest(alpha), width, rows, block.start[0] + first, block.offset[0] + first);
         place(beta - nearest(beta), width, columns, block.start[1] + first, block.offset[1] + first);
         store_single(block.speed + first, (v - nodes.middle) * shrink);
@@ -60,6 +60,7 @@ HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, cons
         store_single(block.gain_im + first, im);
         const D way[3] = {picked<3>(echoes.direction_R, echo), picked<3>(echoes.direction_R + 1, echo),
                           picked<3>(echoes.direction_R + 2, echo)};
+        if (echoes.out_direction_R != nullptr) phase = phase - turned_out(model, echoes, echo, group, way);
         for (int k = 0; k < receivers; ++k) {
             const double *p = model.receiver[group * kGroup + k];
             const D turns = phase - (way[0] * p[0] + way[1] * p[1] + way[2] * p[2]);

@@ -423,6 +423,9 @@ void Synthesis::refuse(const EchoView &echoes) const {
         for (std::size_t axis = 0; axis < 3; ++axis) {
             const double d = echoes.direction_R[3 * i + axis];
             if (!within(d, -1.0 - 1e-6, 1.0 + 1e-6)) wrong(i, "a component of direction_R", d, "not in [-1, 1]");
+            if (echoes.out_direction_R == nullptr) continue;
+            const double o = echoes.out_direction_R[3 * i + axis];
+            if (!within(o, -1.0 - 1e-6, 1.0 + 1e-6)) wrong(i, "a component of out_direction_R", o, "not in [-1, 1]");
         }
     }
     throw std::logic_error("no invalid echo was found among echoes that were reported as invalid");

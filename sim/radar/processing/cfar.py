@@ -122,7 +122,8 @@ def order_statistic_factor(cells: float, rank: float, receivers: int, false_alar
 
     k = rank * cells  # Beta(k, cells - k + 1)
     x = np.exp(np.linspace(_LOG_MIN_VALUE, math.log(40.0 + 4.0 * receivers), _PANELS))
-    log_weight = (k - 1.0) * np.log(gammainc(receivers, x)) + (cells - k) * np.log(gammaincc(receivers, x))
+    with np.errstate(divide="ignore"):  # of weights that are zero
+        log_weight = (k - 1.0) * np.log(gammainc(receivers, x)) + (cells - k) * np.log(gammaincc(receivers, x))
     log_weight += receivers * np.log(x) - x
     weight = np.exp(log_weight - log_weight.max())
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from signals._kernel import det_atan2
 from signals.units import TURN_RAD
 
+_SAME_PLACE = 1e-3  # of a wavelength
 _DEEP_ROUNDS = 16  # iterations for bases with an x component, whose equations need d_x of the previous iteration
 
 Float64 = NDArray[np.float64]
@@ -38,7 +39,10 @@ class Directions:
         r = np.array(positions_m, dtype=np.float64)
         bases = [(i, j, r[i] - r[j]) for i, j in combinations(range(self._receivers), 2)]
         self._rounds = _DEEP_ROUNDS if any(b[0] != 0.0 for _, _, b in bases) else 1
-        self._pairs = sorted((pair for pair in bases if pair[2][1:].any()), key=lambda pair: float(pair[2] @ pair[2]))
+        # Channels in one place, but for the rounding of their sums, tell no direction.
+        apart = (_SAME_PLACE * wavelength_m) ** 2
+        pairs = (pair for pair in bases if pair[2][1] * pair[2][1] + pair[2][2] * pair[2][2] > apart)
+        self._pairs = sorted(pairs, key=lambda pair: float(pair[2] @ pair[2]))
 
     def find(self, cells: NDArray[np.complex128]) -> Float64:
         """Return unit directions (n, 3) of n cells from the receivers' values (receivers, n)."""

@@ -8,18 +8,20 @@ its place, with mu the pulse's number from the middle and W_f the spectrum of th
 The position between cells is read from the cells beside the peak as if c were 0 (points.py). That reading, applied to
 |R|, differs from the place that R was made for; the difference is taken off, a few times, because it depends on the
 place. A transmitter whose turn is delta repetitions later sees the echo c delta cells farther, so its channels have the
-phase of R(x - c delta, y). Both are rounded, so that the last bits of cosines do not matter.
+phase of R(x - c delta, y). Cosines and arc tangents are those of detmath.hpp, and sums are in the order of the samples.
 
 Only for complex samples: with real ones the mirror image's side lobes limit the accuracy.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from signals.units import TURN_RAD
+from sim._kernels import arc_tangents, cosines_and_sines
 
 Float64 = NDArray[np.float64]
 Reading = Callable[[Float64, Float64, Float64], Float64]  # offset from the amplitudes before, at and after the peak
@@ -28,21 +30,23 @@ MIN_CELLS = 0.02  # over the frame; less smear has no effect above 1e-5 cells
 _ROUNDS = 4
 _STEPS = 128  # of the table of W_f in a cell
 _REACH = 24  # cells in the table
-_DIGITS = 9
 
 
 class Migration:
     """Correction for the windows of one radar's maps."""
 
     def __init__(self, fast_window: list[float], fast_padded: int, slow_window: list[float], slow_padded: int) -> None:
-        n, size = len(fast_window), fast_padded * _STEPS
-        spectrum = np.fft.rfft(np.array(fast_window), size)[: _REACH * _STEPS + 1]
-        position = np.arange(len(spectrum)) / _STEPS
+        n, position = len(fast_window), np.arange(_REACH * _STEPS + 2) / _STEPS
         # Counted from the middle of the samples, the spectrum of a symmetric window is real.
-        self._table = np.real(spectrum * np.exp(1j * math.pi * position * (n - 1) / fast_padded))
+        table = np.full(len(position), fast_window[n // 2] if n % 2 else 0.0)
+        for i in range(n // 2):
+            turns = position * ((0.5 * (n - 1) - i) / fast_padded)
+            table = table + 2.0 * fast_window[i] * _cos_sin((turns - np.rint(turns)) * TURN_RAD)[0]
+        table[-1] = 0.0  # beyond the table
+        self._table = table
         self._slow = np.array(slow_window)
         self._mu = np.arange(len(slow_window)) - 0.5 * (len(slow_window) - 1)
-        self._turn = 2.0 * math.pi * self._mu / slow_padded
+        self._turn = TURN_RAD * self._mu / slow_padded
 
     @property
     def pulses(self) -> int:
@@ -63,8 +67,8 @@ class Migration:
             seen_x = read[0](self._amplitude(-1.0 - x, -y, c), here, self._amplitude(1.0 - x, -y, c))
             seen_y = read[1](self._amplitude(-x, -1.0 - y, c), here, self._amplitude(-x, 1.0 - y, c))
             x, y = read_range - (seen_x - x), read_speed - (seen_y - y)
-        range_off[moved] += np.round(x - read_range, _DIGITS)
-        speed_off[moved] += np.round(y - read_speed, _DIGITS)
+        range_off[moved] += x - read_range
+        speed_off[moved] += y - read_speed
         return range_off, speed_off
 
     def phases(self, off: tuple[Float64, Float64], cells_per_pulse: Float64, later: float) -> Float64:
@@ -74,7 +78,9 @@ class Migration:
         if moved.any():
             x, y, c = off[0][moved], off[1][moved], cells_per_pulse[moved]
             re, im = self._response(-x - c * later, -y, c)
-            phase[moved] = np.round(np.arctan2(im, re) / (2.0 * math.pi), _DIGITS)
+            angle = np.empty(len(re))
+            arc_tangents(im, re, angle)
+            phase[moved] = angle / TURN_RAD
         return phase
 
     def _amplitude(self, x: Float64, y: Float64, c: Float64) -> Float64:
@@ -84,7 +90,22 @@ class Migration:
 
     def _response(self, x: Float64, y: Float64, c: Float64) -> tuple[Float64, Float64]:
         """Return the real and the imaginary part of R."""
-        position = np.abs(x[:, None] - c[:, None] * self._mu) * _STEPS
-        weight = self._slow * np.interp(position, np.arange(len(self._table)), self._table, right=0.0)
-        angle = y[:, None] * self._turn
-        return np.sum(weight * np.cos(angle), axis=1), -np.sum(weight * np.sin(angle), axis=1)
+        last = len(self._table) - 2
+        position = np.minimum(np.abs(x[:, None] - c[:, None] * self._mu) * _STEPS, float(last))
+        node = np.minimum(position.astype(np.int64), last - 1)
+        low = self._table[node]
+        weight = self._slow * (low + (position - node) * (self._table[node + 1] - low))
+        weight[position >= last] = 0.0
+        cosine, sine = _cos_sin((y[:, None] * self._turn).reshape(-1))
+        return _sums(weight * cosine.reshape(weight.shape)), -_sums(weight * sine.reshape(weight.shape))
+
+
+def _cos_sin(angle_rad: Float64) -> tuple[Float64, Float64]:
+    cosine, sine = np.empty(len(angle_rad)), np.empty(len(angle_rad))
+    cosines_and_sines(angle_rad, cosine, sine)
+    return cosine, sine
+
+
+def _sums(rows: Float64) -> Float64:
+    """Return the sum of each row, in the order of its columns."""
+    return np.ascontiguousarray(np.add.accumulate(rows, axis=1)[:, -1])

@@ -5,7 +5,8 @@ ADC. x_direct is the method `direct`; its own row holds its error against radar_
 of the echoes. Times are the best of several runs.
 
 Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and all presets;
-radar_arrays.py has those with several transmitters. Further cases: pictures of city_park, where negligible echoes are
+radar_arrays.py has those with several transmitters, radar_bounces.py ghosts, radar_effects.py interference, rain and
+errors of the sweep. Further cases: pictures of city_park, where negligible echoes are
 dropped; point targets through the processing chain; a person who walks away and back; another vehicle; and a real
 recording, if one is given.
 """
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.radar_arrays import PRESETS, array_target_checks, city_park_arrays
+from hil.apps.bench_suite.sensors.radar_bounces import bounce_rows
 from hil.apps.bench_suite.sensors.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.apps.bench_suite.sensors.radar_checks import (
     characteristic_checks,
@@ -28,6 +30,7 @@ from hil.apps.bench_suite.sensors.radar_checks import (
     target_checks,
     vehicle_checks,
 )
+from hil.apps.bench_suite.sensors.radar_effects import effect_rows
 from hil.apps.bench_suite.sensors.radar_reference import reference
 from hil.apps.bench_suite.sensors.raster_cases import scene_case
 from hil.apps.bench_suite.timing import best_times, one_core
@@ -51,6 +54,8 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
         status("city_park")
         _city_park(result, views=4 if quick else 12)
         city_park_arrays(result, quick=quick, status=status)
+        bounce_rows(result, quick=quick, status=status)
+        effect_rows(result, quick=quick, status=status)
     status("point targets")
     result.checks += characteristic_checks()
     result.checks += target_checks(quick=quick)

@@ -53,8 +53,9 @@ def reference(
             turn -= np.arctan2(beat_hz, Real(aaf_cutoff_hz))
         for t_p, (sends, shift) in zip(array.tx_positions_m, transmits, strict=True):
             for k, r_k in enumerate(array.rx_positions_m):
-                places = zip(t_p, r_k, echoes.direction_R[i], strict=True)
-                path = sum(((Real(a) + Real(b)) * Real(d) for a, b, d in places), Real(0))
+                leaves = echoes.direction_R[i] if echoes.out_direction_R is None else echoes.out_direction_R[i]
+                places = zip(t_p, r_k, leaves, echoes.direction_R[i], strict=True)
+                path = sum((Real(a) * Real(o) + Real(b) * Real(d) for a, b, o, d in places), Real(0))
                 phase = cycles - path * f_c / c + shift[:, None]
                 angle = 2 * PI * (phase - np.rint(phase)) + turn
                 out[k * chirp.parts] += gain * sends[:, None] * np.cos(angle)

@@ -132,7 +132,7 @@ def radar_counts(radar: Radar) -> dict[str, Any]:
         "dropped_bound": counts.dropped_bound,
         "terms": counts.terms,
         "shared_pictures": counts.shared,
-    }
+    } | ({"ghosts": counts.ghosts, "rays": counts.rays} if counts.rays else {})
 
 
 def radar_rows(radars: Mapping[str, Radar]) -> list[dict[str, Any]]:

@@ -341,3 +341,68 @@ def test_a_frame_that_is_none_is_refused(tmp_path: Path) -> None:
     broken = message.data.replace(np.float64(0.4e9).tobytes(), np.float64(0.0).tobytes())
     with pytest.raises(RecordingError, match="not a valid radar frame"):
         radar_frame(message._replace(data=broken))
+
+
+def test_bounces_add_ghosts_with_labels_and_leave_the_rest_alone() -> None:
+    still = {"v_WB_W": ZERO, "w_WB_B": ZERO, "q_WB": (1.0, 0.0, 0.0, 0.0)}
+    off, on = radar(impairments=QUIET), radar(impairments=QUIET, bounces={"floor_db": -50.0})
+    for sensor in (off, on):
+        sensor.label_objects()
+    plain, ghostly = (sensor.sample(truth(500, **still), 0).channels["raw"] for sensor in (off, on))
+    assert (
+        radar(impairments=QUIET, bounces=None).sample(truth(500, **still), 0).channels["raw"].tobytes()
+        == plain.tobytes()
+    )
+    assert np.any(plain != ghostly)
+    assert on.objects == off.objects
+    assert not off.ghosts
+    assert {ghost.path for ghost in on.ghosts} == {"both ways", "out", "back"}
+    direct = {o.instance: o for o in on.objects}
+    names = load_world(SCENE).instance_names
+    for ghost in on.ghosts:
+        assert names[ghost.mirror].startswith(("ground", "marking", "reflector"))
+        if ghost.echo.instance in direct:
+            assert ghost.echo.nearest_m > direct[ghost.echo.instance].nearest_m - 0.05
+    counts = radar_counts(on)
+    assert counts["ghosts"] > 100
+    assert counts["rays"] > counts["ghosts"]
+    assert "ghosts" not in radar_counts(off)
+
+
+def test_bounces_by_several_transmitters_are_those_of_each() -> None:
+    """The frame of a transmitter alone is the chirps of its turn, but for what moves between the turns."""
+    still = {"v_WB_W": ZERO, "w_WB_B": ZERO, "q_WB": (1.0, 0.0, 0.0, 0.0)}
+    place = {"preset": "awr1843boost", "impairments": QUIET, "bounces": {}, "outputs": ("raw",), "method": "direct"}
+    parameters = PRESETS["awr1843boost"].parameters
+    assert isinstance(parameters, RadarParameters)
+    chirp = parameters.chirp.model_dump() | {"chirps": 12, "samples": 64}
+    antenna = parameters.antenna.model_dump() | {"field_deg": None}
+    mask = {"classes": ("reflector",)}
+    together = radar(**place, chirp=chirp, mask=mask).sample(truth(0, **still), 0).channels["raw"].astype(np.int64)
+    for p, at in enumerate(antenna["tx_positions_m"]):
+        alone = radar(**place, chirp=chirp, mask=mask, antenna=antenna | {"tx_positions_m": (at,)})
+        raw = alone.sample(truth(0, **still), 0).channels["raw"].astype(np.int64)
+        assert np.abs(together[:, p::3] - raw[:, p::3]).max() <= 1
+        assert np.ptp(raw) > 20
+
+
+QUIET = {"leakage": None, "frame_start": None, "dc_wander": None, "noise": None, "adc": None}
+
+
+def test_rain_is_a_switch() -> None:
+    dry, none, wet = (radar(impairments=QUIET, outputs=("raw",), rain_mm_per_h=rate) for rate in (None, 0.0, 50.0))
+    frames = [sensor.sample(truth(0), 0).channels["raw"] for sensor in (dry, none, wet)]
+    assert frames[0].tobytes() == frames[1].tobytes() != frames[2].tobytes()
+
+
+def test_sweep_errors_and_compression_are_switches() -> None:
+    plain = radar(impairments=QUIET, outputs=("raw",)).sample(truth(0), 0).channels["raw"]
+    for more in (
+        {"sweep": {"phase_noise": [[1e4, -60.0], [1e6, -80.0]]}},
+        {"sweep": {"nonlinearity": [[0.0, -2e5], [0.5, 2e5], [1.0, -2e5]]}},
+        {"compression": {"limit_counts": 200.0}},
+    ):
+        changed = radar(impairments=QUIET | more, outputs=("raw",)).sample(truth(0), 0).channels["raw"]
+        assert np.any(changed != plain)
+    off = radar(impairments=QUIET | {"sweep": None, "compression": None}, outputs=("raw",))
+    assert off.sample(truth(0), 0).channels["raw"].tobytes() == plain.tobytes()

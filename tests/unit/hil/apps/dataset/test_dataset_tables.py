@@ -43,6 +43,7 @@ from signals.samples import (
 )
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
+from sim.radar.ghost_objects import GhostEcho
 from sim.radar.object_echoes import ObjectEcho
 from sim.radar.recording import load_recording
 from sim.radar.virtual_array import as_array
@@ -248,6 +249,24 @@ def test_previews_show_boxes_points_and_echoes() -> None:
     assert marked[3, 2].tolist() == marked[8, 6].tolist() == [255, 255, 0]
     points = np.array([[39.9, 39.9, 0.0], [100.0, 0.0, 0.0]], np.float32)
     assert cloud_previews(points, np.array([1, 1], np.uint8), CLASSES)["cloud.png"][:4] == b"\x89PNG"
+
+
+def test_labels_of_a_radar_with_bounces_name_paths_and_true_objects() -> None:
+    objects = [ObjectEcho(1, 6.0, 5.5, 1.0, 0.2, -0.1, 50.0, 1e-12)]
+    catalogue = Catalogue.of(CLASSES, [(i, 1) for i in (1, 2)])
+    ghosts = [
+        GhostEcho(objects[0]._replace(range_m=6.4), "out", 2),
+        GhostEcho(objects[0]._replace(instance=9), "both ways", 2),  # of nothing that is labelled
+    ]
+    data = radar_labels_csv(objects, catalogue, ghosts)
+    rows = [line.split(",") for line in data.decode().splitlines()]
+    assert rows[0][-2:] == ["path", "mirror []"]
+    assert [(row[0], row[3], *row[10:]) for row in rows[1:]] == [
+        ("1", "6.0000", "direct", ""),
+        ("1", "6.4000", "out", "2"),
+    ]
+    assert [o.range_m for _, o in read_radar_labels(data)] == [6.0]
+    assert b"path" not in radar_labels_csv(objects, catalogue)
 
 
 def test_radar_labels_read_back_and_visible_objects_are_marked() -> None:

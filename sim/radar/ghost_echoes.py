@@ -1,0 +1,475 @@
+"""Echoes by one mirror: over the ground, over walls, and by two surfaces that face each other. Their ghosts.
+
+Rays leave the radar at O on a grid of equal solid angles dOmega (ray_grid.py). A ray that meets a flat, static surface
+at B goes on as from the mirror's image of O, and may meet a surface at P. With R' = |OB| + |BP|, R = |OP|, d_B and d_P
+the directions to B and P, c' the cosine of incidence at P, and g^2 the mirror's power (bistatic.py):
+
+    path       range          directions out, in   amplitude, in W as in scatterers.py
+    both ways  R'             d_B, d_B             g^2 sqrt(G_t(d_B) G_r(d_B) sigma0 dOmega / c') / R'
+    out        (R' + R) / 2   d_B, d_P             g sqrt(G_t(d_B) G_r(d_P) sigma0 dOmega / c') / R
+    back       (R' + R) / 2   d_P, d_B             g sqrt(G_t(d_P) G_r(d_B) sigma0 dOmega / c') / R
+
+The last two need P free of obstacles from O, too. dA = R'^2 dOmega / c', so R' cancels. sigma0 is the bistatic one. A
+second wall in the place of P gives the double bounce between two surfaces: its Kirchhoff lobe is the mirror that sends
+the wave back. Range is linear in time: speeds are those of P and of the radar along both ways; mirrors are at rest.
+Corner reflectors are found in the image of each mirror plane and return what comes from there (corner_echoes.py).
+
+Rays (spacing three times that of the settings) find mirrors; the cells of mirrors and their neighbours are traced at
+the spacing; the images of instances of few rays, at a third of it. Left out, with bounds on what they can hold:
+
+* mirrors whose g^2 times the antenna's gain relative to the axis is below `floor_db`;
+* curved mirrors: spheres, capsules, ellipsoids, cylinders, and facets of meshes without a neighbour in their plane;
+* mirrors that move, and paths by more than one mirror and one other surface;
+* mean ranges beyond the mask's range or the chirp's unambiguous one.
+
+Phases: a ghost's points are not the pixels of its object, so the object and its ghosts do not interfere with certain
+phases; powers add. The phase of Gamma is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signals._kernel import det_pow
+from signals.samples import Vec3
+from signals.units import RAD_PER_DEG
+from sim._kernels import Vicinity
+from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
+from sim.radar.antenna import Antenna
+from sim.radar.bistatic import BistaticReflection
+from sim.radar.bounces import Bounces
+from sim.radar.chirp import Chirp
+from sim.radar.echoes import Echoes
+from sim.radar.mask import Mask
+from sim.radar.mirrored_corners import MirroredCorners, MirrorPlane
+from sim.radar.ray_grid import CellIndex, Cells, children, directions, forward_cells
+from sim.radar.receiver import Receiver
+from sim.radar.reflection import Reflection
+from sim.radar.rotor_blades import RotorBlades
+from sim.radar.scatterers import PATTERN_FLOOR, amplitude_scale
+
+Float64 = NDArray[np.float64]
+Ids = NDArray[np.int64]
+
+BOTH, OUT, BACK = 1, 2, 3  # kinds of paths
+KINDS = ("direct", "both ways", "out", "back")
+
+_FLAT_SHAPES = (0, 6)  # MuJoCo's plane and box
+_FACETED_SHAPES = (1, 7)  # height field and mesh: flat where neighbours are in one plane
+_COARSE = 3  # coarse spacing, in spacings
+_FEW_RAYS = 64  # an instance with fewer rays is traced at a third of the spacing
+_THIN_M, _WIDE_M = 0.05, 0.5  # half the thickness and width of a mesh that is one flat slab, such as a path
+_LIFT_M = 5e-4  # of reflected rays off their mirror
+_TOUCH_M = 5e-3  # ranges that agree
+_LEAST_COSINE = 1e-3
+_SAME_NORMAL, _SAME_PLANE_M = 1.0 - 1e-5, 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Ghosts:
+    """Ghost echoes of a frame with their paths: what they are echoes of, and by which mirror."""
+
+    echoes: Echoes  # with `out_direction_R`
+    kind: NDArray[np.uint8]  # BOTH, OUT or BACK
+    instance: Ids  # of the true object
+    mirror: Ids  # instance of the mirror
+
+    @property
+    def count(self) -> int:
+        return len(self.kind)
+
+
+@dataclass(frozen=True, eq=False)
+class _Hits:
+    """Surfaces that rays meet; without a hit geom is -1."""
+
+    range_m: Float64
+    geom: Ids
+    normal: Float64  # (n, 3), against the ray
+    speed_mps: Float64  # of the surface along the ray
+
+    def of(self, some: NDArray[np.bool_]) -> _Hits:
+        return _Hits(self.range_m[some], self.geom[some], self.normal[some], self.speed_mps[some])
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Rays by mirrors that meet a surface."""
+
+    cell: Cells
+    way_W: Float64  # d_B
+    first_m: Float64  # |OB|
+    mirror_normal: Float64
+    mirror_geom: Ids
+    power: Float64  # g^2
+    bent_W: Float64  # direction from B to P
+    found: _Hits  # from B
+
+
+class GhostEchoes:
+    """Finds the ghosts of one radar's frames. Not thread-safe."""
+
+    def __init__(
+        self,
+        geometry: FrameGeometry,
+        chirp: Chirp,
+        antenna: Antenna,
+        receiver: Receiver,
+        mask: Mask,
+        settings: Bounces,
+        seen: Chirp | None = None,
+    ) -> None:
+        """`seen`: the frame of one transmitter, for the speeds of rotor blades; None: `chirp`."""
+        world = geometry.world
+        self._geometry, self._antenna, self._mask = geometry, antenna, mask
+        self._chirp = chirp if seen is None else seen
+        self._limit_m = chirp.max_range_m if mask.max_range_m is None else min(mask.max_range_m, chirp.max_range_m)
+        self._class_kept = mask.kept_classes(world.class_names)
+        self._scale = amplitude_scale(chirp, antenna, receiver)
+        self._reflection = BistaticReflection(world.surfaces, chirp.center_frequency_hz, Reflection())
+        self._blades = RotorBlades(world)
+        self._spacing_rad = settings.spacing_deg * RAD_PER_DEG
+        self._floor = det_pow(10.0, 0.1 * settings.floor_db)
+        self._surface = world.geom_surface.astype(np.int64)
+        self._instance = world.geom_instance.astype(np.int64)
+        self._class = world.geom_class
+        shape = world.model.geom_type
+        half_m = np.sort(world.model.geom_aabb[:, 3:], axis=1)
+        thin = (half_m[:, 0] <= _THIN_M) & (half_m[:, 1] >= _WIDE_M)
+        self._flat = np.isin(shape, _FLAT_SHAPES) | (np.isin(shape, _FACETED_SHAPES) & thin)
+        self._is_mirror = (self._flat | np.isin(shape, _FACETED_SHAPES)) & (world.geom_actor < 0)
+        coarse = forward_cells(self._spacing_rad * _COARSE)
+        share = self._share(directions(coarse, self._spacing_rad * _COARSE))
+        self._coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
+        self._coarse_R = directions(self._coarse, self._spacing_rad * _COARSE)
+        self._coarse_around = CellIndex(self._coarse, int(np.abs(self._coarse).max(initial=0))).neighbours(self._coarse)
+        self._corners = MirroredCorners(world.map.corners, antenna, mask, self._scale, chirp.wavelength_m)
+        self.rays = 0  # cast in the last frame
+
+    def find(self, pose: CameraPose) -> Ghosts:
+        """Return the ghosts seen from a pose at the geometry's time."""
+        self.rays = 0
+        p_W = pose.p_WC
+        self._geometry.pose_within(Vicinity(p_W, p_W, self._limit_m))
+        axes = _axes_of(pose)
+        fine, primary, power, assumed = self._mirrors(p_W, axes)
+        rays = self._bent(p_W, axes, fine, primary, power, self._spacing_rad, assumed)
+        parts = []
+        planes: list[MirrorPlane] = []
+        if len(self._corners):
+            some = power > 0.0
+            planes = _planes(primary.of(some), _turned(directions(fine[some], self._spacing_rad), axes))
+        few = self._of_few(rays)
+        if few is not None:
+            split, kept = few
+            parts.append(self._ghosts(pose, axes, _some(rays, kept), self._spacing_rad))
+            rays = self._finer(p_W, axes, split)
+            parts.append(self._ghosts(pose, axes, rays, self._spacing_rad / 3.0))
+        else:
+            parts.append(self._ghosts(pose, axes, rays, self._spacing_rad))
+        if planes:
+            parts.append(self._of_corners(pose, planes))
+        return _joined(parts)
+
+    def _share(self, direction_R: Float64) -> Float64:
+        """Return the greater gain of a transmitter or receiver relative to the axis; 0 outside the mask's angles."""
+        share = np.maximum(self._antenna.tx.share(direction_R), self._antenna.rx.share(direction_R))
+        return np.where(self._mask.in_window(direction_R), share, 0.0)
+
+    def _cast(self, origins_W: Float64, ways_W: Float64, limit_m: float) -> _Hits:
+        n = len(ways_W)
+        self.rays += n
+        range_m, geom, normal, speed = np.empty(n), np.empty(n, np.int32), np.empty((n, 3)), np.empty(n)
+        if n:
+            self._geometry.caster.cast(origins_W, ways_W, 0.0, limit_m, range_m, geom, normal, speed)
+        return _Hits(range_m, geom.astype(np.int64), normal, speed)
+
+    def _mirror_power(self, ways_W: Float64, share: Float64, hits: _Hits) -> Float64:
+        """Return g^2; 0 for what is no mirror, or one below the floor. `share`: the antenna's gain."""
+        geom = hits.geom
+        power = np.zeros(len(geom))
+        some = geom >= 0
+        some[some] = self._is_mirror[geom[some]]
+        cosine = -_dot(hits.normal[some], ways_W[some])
+        power[some] = self._reflection.mirror_power(self._surface[geom[some]], cosine)
+        power[power * share < self._floor] = 0.0
+        return power
+
+    def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, _Hits, Float64, NDArray[np.bool_]]:
+        """Return the cells at and beside mirrors, what their rays meet, and g^2.
+
+        Within a mirror, where all neighbours show the same flat geom, rays are assumed to meet its plane: the last
+        array is True there. `_bent` casts those that count, which are few: most rays by the ground end in the sky.
+        """
+        coarse_W = _turned(self._coarse_R, axes)
+        hits = self._cast(_from(p_W, len(coarse_W)), coarse_W, self._limit_m)
+        shows = self._mirror_power(coarse_W, self._coarse_share, hits) > 0.0
+        around = self._coarse_around
+        near = shows | (shows[around] & (around >= 0)).any(axis=1)
+        geom, normal = hits.geom, hits.normal
+        within = (
+            shows & self._flat[geom] & (shows[around] & (around >= 0) & (geom[around] == geom[:, None])).all(axis=1)
+        )
+        for column in around.T:
+            within &= _dot(normal, normal[column]) > _SAME_NORMAL
+        fine = children(self._coarse[near])
+        ways_W = _turned(directions(fine, self._spacing_rad), axes)
+        assumed = np.repeat(within[near], 9)
+        n = np.repeat(normal[near], 9, axis=0)
+        reached_m = np.where(hits.geom >= 0, hits.range_m, 0.0)
+        offset = np.repeat((reached_m * _dot(normal, coarse_W))[near], 9)
+        geom, range_m, speed = np.repeat(geom[near], 9), np.zeros(len(fine)), np.zeros(len(fine))
+        down = _dot(n, ways_W)
+        assumed &= down < -_LEAST_COSINE
+        np.divide(offset, down, out=range_m, where=assumed)
+        cast = self._cast(_from(p_W, int((~assumed).sum())), np.ascontiguousarray(ways_W[~assumed]), self._limit_m)
+        range_m[~assumed], geom[~assumed], n[~assumed] = cast.range_m, cast.geom, cast.normal
+        hits = _Hits(range_m, geom, n, speed)
+        power = self._mirror_power(ways_W, np.repeat(self._coarse_share[near], 9), hits)
+        faceted = np.flatnonzero(power > 0.0)
+        faceted = faceted[~self._flat[hits.geom[faceted]]]
+        if len(faceted):
+            power[faceted[~self._in_plane(fine, faceted, ways_W, hits)]] = 0.0
+        return fine, hits, power, assumed
+
+    def _in_plane(self, fine: Cells, some: Ids, ways_W: Float64, hits: _Hits) -> NDArray[np.bool_]:
+        """Return True where two or more of the eight neighbours are in the plane of the facet."""
+        index = CellIndex(fine, int(np.abs(fine).max(initial=0)))
+        around = index.neighbours(fine[some])
+        reach = np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)
+        place = reach[:, None] * ways_W
+        agree = np.zeros(len(some), np.int64)
+        n = hits.normal[some]
+        offset = _dot(n, place[some])
+        for column in around.T:
+            there = hits.normal[column]
+            same = (_dot(n, there) > _SAME_NORMAL) & (np.abs(_dot(n, place[column]) - offset) < _SAME_PLANE_M)
+            agree += same & (column >= 0)
+        return agree >= 2
+
+    def _bent(
+        self,
+        p_W: Vec3,
+        axes: Float64,
+        cells: Cells,
+        hits: _Hits,
+        power: Float64,
+        spacing_rad: float,
+        assumed: NDArray[np.bool_] | None = None,
+    ) -> _Rays:
+        """Return the rays of `cells` by mirrors that meet a surface with an echo; `assumed`: as from `_mirrors`."""
+        some = power > 0.0
+        cells, hits, power = cells[some], hits.of(some), power[some]
+        way = _turned(directions(cells, spacing_rad), axes)
+        n = hits.normal
+        bent = way - (2.0 * _dot(way, n))[:, None] * n
+        origin = _from(p_W, len(way)) + hits.range_m[:, None] * way + _LIFT_M * n
+        found = self._cast(np.ascontiguousarray(origin), np.ascontiguousarray(bent), self._limit_m)
+        keep = found.geom >= 0
+        keep[keep] = self._surface[found.geom[keep]] > 0
+        if assumed is not None:
+            check = np.flatnonzero(keep & assumed[some])
+            seen = self._cast(_from(p_W, len(check)), np.ascontiguousarray(way[check]), self._limit_m)
+            wrong = (seen.geom != hits.geom[check]) | ~(np.abs(seen.range_m - hits.range_m[check]) < _TOUCH_M)
+            keep[check[wrong]] = False
+        return _Rays(
+            cells[keep], way[keep], hits.range_m[keep], n[keep], hits.geom[keep], power[keep], bent[keep],
+            found.of(keep),
+        )  # fmt: skip
+
+    def _of_few(self, rays: _Rays) -> tuple[Cells, NDArray[np.bool_]] | None:
+        """Return the cells to be divided, and which rays remain; None: no instance has few rays."""
+        instance = self._instance[rays.found.geom]
+        count = np.bincount(instance)
+        few = (count[instance] < _FEW_RAYS) & (instance > 0)
+        if not few.any():
+            return None
+        wanted = rays.cell[few]
+        around = (wanted[:, None, :] + _AROUND[None, :, :]).reshape(-1, 2)
+        reach = int(np.abs(rays.cell).max()) + 2
+        marked = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
+        marked[around[:, 0] + reach, around[:, 1] + reach] = True
+        split = np.argwhere(marked) - reach
+        return split, ~marked[rays.cell[:, 0] + reach, rays.cell[:, 1] + reach]
+
+    def _finer(self, p_W: Vec3, axes: Float64, split: Cells) -> _Rays:
+        """Return the rays of the divided cells."""
+        spacing_rad = self._spacing_rad / 3.0
+        cells = children(split)
+        ways_R = directions(cells, spacing_rad)
+        cells, ways_R = cells[ways_R[:, 0] > 0.0], ways_R[ways_R[:, 0] > 0.0]
+        ways_W = _turned(ways_R, axes)
+        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
+        power = self._mirror_power(ways_W, self._share(ways_R), hits)
+        faceted = np.flatnonzero(power > 0.0)
+        faceted = faceted[~self._flat[hits.geom[faceted]]]
+        if len(faceted):
+            power[faceted[~self._in_plane(cells, faceted, ways_W, hits)]] = 0.0
+        return self._bent(p_W, axes, cells, hits, power, spacing_rad)
+
+    def _ghosts(self, pose: CameraPose, axes: Float64, rays: _Rays, spacing_rad: float) -> Ghosts:
+        found = rays.found
+        surface = self._surface[found.geom]
+        kept = np.ones(len(surface), np.bool_)
+        if self._class_kept is not None:
+            kept = self._class_kept[self._class[found.geom]] > 0
+        cos_in = -_dot(found.normal, rays.bent_W)
+        image_m = rays.first_m + found.range_m
+        v_W = pose.v_WC_W
+        image_mps = found.speed_mps - _along(rays.way_W, v_W)
+        way_R = _turned_back(rays.way_W, axes)
+        tx, rx = self._antenna.tx.share(way_R), self._antenna.rx.share(way_R)
+        solid = spacing_rad * spacing_rad
+        kept &= cos_in > _LEAST_COSINE
+
+        both = kept & (image_m <= self._limit_m) & (tx * rx >= PATTERN_FLOOR)
+        c = cos_in[both]
+        sigma0 = self._reflection.sigma0(surface[both], c, c, c, np.ones(len(c)))
+        amplitude = self._scale * rays.power[both] * np.sqrt(tx[both] * rx[both] * sigma0 * solid / c) / image_m[both]
+        parts = [
+            self._made(BOTH, both, rays, image_m, image_mps, way_R, way_R, amplitude),
+        ]
+
+        bent_place = rays.first_m[:, None] * rays.way_W + found.range_m[:, None] * rays.bent_W
+        direct_m = np.sqrt(_dot(bent_place, bent_place))
+        kept &= (direct_m > _TOUCH_M) & (0.5 * (image_m + direct_m) <= self._limit_m)
+        direct_W = bent_place / np.maximum(direct_m, _TOUCH_M)[:, None]
+        cos_out = -_dot(found.normal, direct_W)
+        direct_R = _turned_back(direct_W, axes)
+        tx_direct, rx_direct = self._antenna.tx.share(direct_R), self._antenna.rx.share(direct_R)
+        out_share, back_share = tx * rx_direct, tx_direct * rx
+        kept &= (cos_out > _LEAST_COSINE) & (np.maximum(out_share, back_share) >= PATTERN_FLOOR)
+        kept &= self._mask.in_window(direct_R)
+        candidates = np.flatnonzero(kept)
+        seen = self._cast(_from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), self._limit_m)
+        free = seen.range_m >= direct_m[candidates] - _TOUCH_M
+        # Beyond P there is another surface, or none, where rounding takes the ray past its edge.
+        on_it = free & (seen.range_m <= direct_m[candidates] + _TOUCH_M)
+        at, seen = candidates[on_it], seen.of(on_it)
+        visible = np.zeros(len(kept), np.bool_)
+        visible[at] = True
+        mean_m = 0.5 * (image_m + direct_m)
+        mean_mps = image_mps.copy()
+        mean_mps[at] = 0.5 * (image_mps[at] + seen.speed_mps - _along(direct_W[at], v_W))
+        c, c_out = cos_in[at], cos_out[at]
+        bisector = -(rays.bent_W[at] + direct_W[at])
+        length = np.sqrt(np.maximum(_dot(bisector, bisector), 1e-12))
+        cos_beta = np.clip(_dot(bisector, found.normal[at]) / length, 0.0, 1.0)
+        cos_local = np.clip(0.5 * length, 0.0, 1.0)
+        sigma0 = self._reflection.sigma0(surface[at], c, c_out, cos_beta, cos_local)
+        common = self._scale * np.sqrt(rays.power[at] * sigma0 * solid / c) / direct_m[at]
+        for kind, share, coming_R, going_R in (
+            (OUT, out_share, direct_R, way_R),
+            (BACK, back_share, way_R, direct_R),
+        ):
+            amplitude = common * np.sqrt(np.where(share[at] >= PATTERN_FLOOR, share[at], 0.0))
+            parts.append(self._made(kind, visible, rays, mean_m, mean_mps, coming_R, going_R, amplitude))
+        return _joined(parts)
+
+    def _made(
+        self, kind: int, some: NDArray[np.bool_], rays: _Rays, range_m: Float64, speed_mps: Float64,
+        coming_R: Float64, going_R: Float64, amplitude: Float64,
+    ) -> Ghosts:  # fmt: skip
+        geom = rays.found.geom[some]
+        speed = self._blades.seen_speeds(speed_mps[some], self._surface[geom], self._chirp)
+        echoes = Echoes(
+            range_m[some], speed, np.ascontiguousarray(coming_R[some]), amplitude, np.ascontiguousarray(going_R[some])
+        )
+        mirror = self._instance[rays.mirror_geom[some]]
+        return Ghosts(echoes, np.full(len(geom), kind, np.uint8), self._instance[geom], mirror)
+
+    def _of_corners(self, pose: CameraPose, planes: list[MirrorPlane]) -> Ghosts:
+        made = self._corners.find(pose, planes, self._limit_m, self._caster_ranges, self._mirror_power_at)
+        rows = [row for row in made if row.amplitude > 0.0]
+        direction_R = np.array([row.direction_R for row in rows]).reshape(-1, 3)
+        echoes = Echoes(
+            np.array([row.range_m for row in rows], np.float64),
+            np.array([row.speed_mps for row in rows], np.float64),
+            direction_R,
+            np.array([row.amplitude for row in rows], np.float64),
+            direction_R,
+        )
+        instance = np.array([self._instance[row.plate_geom] if row.plate_geom >= 0 else 0 for row in rows], np.int64)
+        mirror = np.array([self._instance[row.mirror_geom] for row in rows], np.int64)
+        return Ghosts(echoes, np.full(len(rows), BOTH, np.uint8), instance, mirror)
+
+    def _caster_ranges(self, origin_W: Vec3, way_W: Vec3) -> tuple[float, int, Vec3]:
+        """Return range, geom and normal of the nearest surface."""
+        hit = self._cast(_from(origin_W, 1), np.array([way_W]), 4.0 * self._limit_m)
+        x, y, z = hit.normal[0].tolist()
+        return float(hit.range_m[0]), int(hit.geom[0]), (x, y, z)
+
+    def _mirror_power_at(self, geom: int, cosine: float) -> float:
+        if geom < 0 or not self._is_mirror[geom]:
+            return 0.0
+        return float(self._reflection.mirror_power(self._surface[[geom]], np.array([cosine]))[0])
+
+
+_AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+
+
+def _planes(hits: _Hits, ways_W: Float64) -> list[MirrorPlane]:
+    """Return the planes that rays meet, by geom and direction: the first ray's of each."""
+    key = np.round(hits.normal * 100.0).astype(np.int64)
+    rows = np.concatenate([hits.geom[:, None], key], axis=1)
+    planes = []
+    for at in np.sort(np.unique(rows, axis=0, return_index=True)[1]).tolist():
+        nx, ny, nz = hits.normal[at].tolist()
+        wx, wy, wz = ways_W[at].tolist()
+        distance_m = -float(hits.range_m[at]) * (nx * wx + ny * wy + nz * wz)
+        planes.append(MirrorPlane((nx, ny, nz), distance_m, int(hits.geom[at])))
+    return planes
+
+
+def _some(rays: _Rays, kept: NDArray[np.bool_]) -> _Rays:
+    return _Rays(
+        rays.cell[kept], rays.way_W[kept], rays.first_m[kept], rays.mirror_normal[kept], rays.mirror_geom[kept],
+        rays.power[kept], rays.bent_W[kept], rays.found.of(kept),
+    )  # fmt: skip
+
+
+def _joined(parts: list[Ghosts]) -> Ghosts:
+    e = [part.echoes for part in parts]
+    out = [x.direction_R if x.out_direction_R is None else x.out_direction_R for x in e]
+    return Ghosts(
+        Echoes(
+            np.concatenate([x.range_m for x in e]),
+            np.concatenate([x.speed_mps for x in e]),
+            np.concatenate([x.direction_R for x in e]),
+            np.concatenate([x.amplitude for x in e]),
+            np.concatenate(out),
+        ),
+        np.concatenate([part.kind for part in parts]),
+        np.concatenate([part.instance for part in parts]),
+        np.concatenate([part.mirror for part in parts]),
+    )
+
+
+def _axes_of(pose: CameraPose) -> Float64:
+    """Return x_R, y_R, z_R in W as rows: x_R = z_C, y_R = -x_C, z_R = -y_C."""
+    R = pose.R_WC
+    return np.array([[R[2], R[5], R[8]], [-R[0], -R[3], -R[6]], [-R[1], -R[4], -R[7]]])
+
+
+def _turned(d_R: Float64, axes: Float64) -> Float64:
+    return np.ascontiguousarray(d_R[:, :1] * axes[0] + d_R[:, 1:2] * axes[1] + d_R[:, 2:] * axes[2])
+
+
+def _turned_back(d_W: Float64, axes: Float64) -> Float64:
+    return np.stack([_along(d_W, axis) for axis in axes.tolist()], axis=1)
+
+
+def _dot(a: Float64, b: Float64) -> Float64:
+    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
+
+
+def _along(a: Float64, v: Vec3) -> Float64:
+    return np.asarray(a[:, 0] * v[0] + a[:, 1] * v[1] + a[:, 2] * v[2])
+
+
+def _from(p_W: Vec3, n: int) -> Float64:
+    return np.ascontiguousarray(np.broadcast_to(np.array(p_W, np.float64), (n, 3)))
