@@ -39,6 +39,7 @@ from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
 from hil_companion.locate.tiles import on_seat, pieces, rival_score, without_duplicates
 from hil_companion.locate.tracks import Sighting, Tracks
+from hil_companion.locate.views import Views
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
 
@@ -91,6 +92,7 @@ class Detect:
     control = False
     settings_type = DetectSettings
     _geolocation: Geolocation  # from `start` on
+    _views: Views  # from `start` on
 
     def __init__(self, **settings: Any) -> None:
         s = self._settings = DetectSettings(**settings)
@@ -136,6 +138,7 @@ class Detect:
         sensor = s.camera.partition("/")[0]
         camera = Camera(sensor, welcome.sensors.get(sensor))
         self._geolocation = Geolocation(camera, ground_z_m=float(s.ground_z_m))
+        self._views = Views(camera)
         self._own_pose = OwnPose(tuple(float(v) for v in s.start)) if s.localiser == "own" else None
         self._radar_mount = None if s.radar is None else _mount(s.radar, welcome)
         if self._folder is not None:
@@ -181,7 +184,7 @@ class Detect:
             self._pictures.close()
             self._pictures = None
         if self._journal is not None:
-            self._journal.close(self._objects.found(self._tracks.tracks))
+            self._journal.close(self._objects.found(self._tracks.tracks, self._views))
             self._journal = None
 
     def _detect(self, rgb: np.ndarray) -> list[Any]:
@@ -259,7 +262,8 @@ class Detect:
                 cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
                 sightings.append(Sighting(d.label, d.p_W, cov, look, evidence))
         self._tracks.add(t_ns, sightings)
-        objects = self._objects.found(self._tracks.tracks)
+        self._views.add(pose, depth_m)
+        objects = self._objects.found(self._tracks.tracks, self._views)
         if objects == self._reported:
             return None
         self._reported = objects
