@@ -161,7 +161,7 @@ class Detect:
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
         candidates = found  # boxes below the threshold are sightings and rivals
-        found = [d for d in found if d.score >= self._threshold - (WEAK if self._is_tracked(d) else 0.0)]
+        found = [d for d in found if d.score >= self._least_score(d, candidates)]
         pose = self._pose(frame, t_ns)
         pixels = [object_pixels(rgb, d.box_px) if self._is_tracked(d) else None for d in found]
         found = self._geolocation.place(found, pose, depth_m, self._radar(frame), pixels)
@@ -268,6 +268,13 @@ class Detect:
             return None
         self._reported = objects
         return objects
+
+    def _least_score(self, box: Any, candidates: Sequence[Any]) -> float:
+        """Return the score from which a box is kept. People on seats often have low ones."""
+        if not self._is_tracked(box):
+            return self._threshold
+        weak = self._threshold - WEAK
+        return self._threshold - RIVAL if box.label == PERSON and on_seat(box, candidates, weak) else weak
 
     def _evidence(
         self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None

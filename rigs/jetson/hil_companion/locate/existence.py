@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 PERSON = "person"
 _UPRIGHT_PRIOR, _SEATED_PRIOR, _CORRELATION = -6.0, -4.3, 0.1  # l_0 of both, and rho
-WEAK = 0.12  # a score of so much less than the threshold can be a sighting
+WEAK = 0.12  # a score of so much less than the threshold can be a sighting; on a seat, one of `RIVAL` less
 RIVAL = 0.27  # a rival's score of so much less than the threshold, and those below it, say nothing
 LEAST_EVIDENCE = -2.0  # a box with less is not a sighting
 _MOST_M, _MIDDLE_MOST_M = 1.0, 0.8  # a greater difference of a height or of a middle counts as this one
@@ -45,6 +45,7 @@ class _Posture:
 
     constant: float
     score: float
+    faint: float  # weight of the score below that of other sightings, besides
     rival: float
     height_m: float
     lower: float  # per metre below `height_m`
@@ -65,7 +66,7 @@ class _Posture:
         return hits * math.log(hit) + misses * math.log(miss)
 
     def evidence(self, over: float, rival_over: float | None, height_m: float | None, middle_m: float | None) -> float:
-        z = self.constant + self.score * over
+        z = self.constant + self.score * over + self.faint * min(0.0, over + WEAK)
         if rival_over is not None:
             z += self.rival * max(0.0, rival_over + RIVAL)
         if height_m is not None:
@@ -81,8 +82,8 @@ class _Posture:
         return max(-_LEAST_RATIO, min(self.most_ratio, ratio))
 
 
-_UPRIGHT = _Posture(2.96, 6.26, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0, 0.92, 0.37)
-_SEATED = _Posture(2.73, 0.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0, 0.5, 0.39)
+_UPRIGHT = _Posture(2.96, 6.26, 0.0, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0, 0.92, 0.37)
+_SEATED = _Posture(2.73, 0.0, 5.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0, 0.5, 0.39)
 _MIDDLE_SIGMA_M, _LEAST_RATIO = 0.22, 6.0
 
 

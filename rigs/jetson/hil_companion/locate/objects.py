@@ -21,7 +21,7 @@ _ONE_PLACE_M = 1.5
 # both up to which it is the same one.
 _TWO_SURE, _SELDOM = 8.0, 0.25
 # ln of the chances to see a person and something else walk: few things do, with wrong ranges.
-_WALKER = 1.7
+_WALKER, _WALKED_SEEN = 1.7, 6
 _STILL = 0.8  # share of the sightings at one place, of an object that is still
 _LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
 _AGAIN = 4
@@ -35,7 +35,8 @@ class Group:
         self.pictures = frozenset().union(*(track.pictures for track in self.tracks))
         hits, misses = (0, 0) if views is None else self._looked(views)
         self.odds = sum((track.evidence for track in self.tracks), Evidences()).odds(hits, misses)
-        self.odds += _WALKER if self.walks else 0.0
+        walked = sum(track.sightings for track in self.tracks if track.walks)
+        self.odds += _WALKER if self.walks and walked >= _WALKED_SEEN else 0.0
 
     def _looked(self, views: Views) -> tuple[int, int]:
         """Return how many pictures between the first and the last sighting of a still object have it, and have not."""

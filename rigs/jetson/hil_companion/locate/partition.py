@@ -3,14 +3,15 @@
     score = sum over the objects of [ ln ratio of appearance of all its tracks
             + sum over neighbours in time of their transit + (number of tracks - 1) `_PRIOR` ]
 
-Two tracks in more than one picture are two objects, and so are two of which the later one is out of reach of the earlier one.
-With the appearance of neighbours in time alone, the best partition is a path cover with the least cost, which an
-assignment of successors to tracks finds (Zhang, Li and Nevatia 2008, Global Data Association for Multi-Object Tracking
-Using Network Flows; without false tracks, which have no cost here). The search begins with it. The appearance of an
-object is that of all its tracks, which no flow can express. So groups are joined next, best pair first, and then the
-best of these moves is taken until none gains: a track to another group or to one of its own; two groups joined; one
-that takes all tracks of another that are possible beside its own; two groups that swap all tracks after some time (Oh, Russell and Sastry 2009, Markov Chain Monte Carlo Data Association,
-whose moves these are, here without chance so that a flight repeats).
+Two tracks in more than one picture are two objects, and so are two of which the later one is out of reach of the
+earlier one. With the appearance of neighbours in time alone, the best partition is a path cover with the least cost,
+which an assignment of successors to tracks finds (Zhang, Li and Nevatia 2008, Global Data Association for Multi-Object
+Tracking Using Network Flows; without false tracks, which have no cost here). The search begins with it. The appearance
+of an object is that of all its tracks, which no flow can express. So groups are joined next, best pair first, and then
+the best of these moves is taken until none gains: a track to another group or to one of its own; two groups joined; one
+that takes all tracks of another that are possible beside its own; two groups that swap all tracks after some time (Oh,
+Russell and Sastry 2009, Markov Chain Monte Carlo Data Association, whose moves these are, here without chance so that a
+flight repeats).
 """
 
 from __future__ import annotations

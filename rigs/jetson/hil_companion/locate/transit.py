@@ -108,8 +108,8 @@ def _heads(track: Track, velocity: np.ndarray, spread2: float) -> float:
 
 
 def _stands(track: Track) -> float:
-    """Return the chance that the object stands."""
-    if track.stands:
+    """Return the chance that the object stands or sits."""
+    if track.stands or 2 * track.evidence.seats >= track.sightings:
         return 1.0 - _CHANGES
     return _CHANGES if track.walks else _STANDING
 

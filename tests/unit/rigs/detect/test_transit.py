@@ -41,7 +41,7 @@ def test_the_place_of_who_walks_on_or_back_is_a_density(dt_s: float) -> None:
     sums = np.zeros(2)
     for x in grid:
         for y in grid[np.abs(grid) < 40.0]:
-            sums += transit._along_path(a, b, np.array([x, y]), dt_s, 0.3)  # noqa: SLF001
+            sums += transit._along_path(a, b, np.array([x, y]), dt_s, 0.3)
     assert sums * step_m**2 == pytest.approx([1.0, 1.0], abs=0.02)
 
 
@@ -56,7 +56,7 @@ def test_a_velocity_says_on_average_nothing_of_somebody_else() -> None:
         for vy in grid:
             b.first = Fix(0, np.array([0.0, 0.0, vx, vy]), 0.2, math.sqrt(known2))
             weight = math.exp(-0.5 * (vx**2 + vy**2) / shrunk2) / (2.0 * math.pi * shrunk2) * step**2
-            total += weight * transit._heads(b, np.array([1.2, 0.0]), 0.05)  # noqa: SLF001
+            total += weight * transit._heads(b, np.array([1.2, 0.0]), 0.05)
             weights += weight
     assert weights == pytest.approx(1.0, abs=1e-3)
     assert total == pytest.approx(1.0, abs=0.02)
