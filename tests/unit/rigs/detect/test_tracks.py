@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -314,3 +315,85 @@ def test_the_position_is_that_of_the_newest_sure_sighting() -> None:
     (found,) = Objects().found(tracks.tracks)
     assert (found.sightings, found.t_ns) == (14, round(2.75 * SECOND))
     assert found.p_W[0] == pytest.approx(3.3, abs=0.3)
+
+
+def test_a_person_with_another_look_for_a_moment_is_the_same_track() -> None:
+    tracks = Tracks()
+    for k in range(24):  # the box shows the coat, then what is beside it, in turn
+        tracks.add(k * SECOND // 2, [seen_at(0.5 * k, 0.0, BLUE if k % 5 == 4 else RED)])
+    assert [track.sightings for track in tracks.tracks] == [24]
+    tracks = Tracks()
+    for k in range(24):  # somebody else comes when the first one is away, not where that one is expected
+        seen = seen_at(0.5 * k, 0.0, RED) if k < 12 else seen_at(0.5 * k, 4.0, BLUE)
+        tracks.add(k * SECOND // 2, [seen])
+    assert [track.sightings for track in tracks.tracks] == [12, 12]
+
+
+def test_a_rucksack_is_seen_from_behind_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    front, back = lit(1.0), lit(1.0)
+    back[:3] = lit(1.0)[3:]
+    sides = [Appearance.of_track(look, 8) for look in (front, back) * 3]
+    apart = appearance_ratio(sides[::2]) + appearance_ratio(sides[1::2])
+    two_sides = appearance_ratio(sides)
+    assert two_sides > apart - 5.0  # the other side costs little, and its next sightings agree with it
+    monkeypatch.setattr("hil_companion.locate.appearance._SIDES", (1, 1, 1))
+    assert appearance_ratio(sides) < two_sides - 3.0
+
+
+def test_the_chains_are_the_best_path_cover() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(6):
+        tracks = Tracks()
+        for k, start_s in enumerate(sorted(rng.uniform(0.0, 60.0, 5))):
+            walk(tracks, start_s + 6.0 * k, RED if rng.random() < 0.5 else BLUE, *rng.uniform(-12.0, 12.0, 2))
+        partition = Partition()
+        partition.groups(tracks.tracks)
+        chains = partition._chains()
+        ordered = sorted(tracks.tracks, key=lambda t: (t.first_ns, t.number))
+
+        def gain(groups: Any, partition: Partition = partition, ordered: Any = ordered) -> float:
+            total = 0.0
+            for group in groups:
+                members = [t for t in ordered if t.number in group]
+                total += sum(max(0.0, partition._link(a, b)) for a, b in pairwise(members))
+            return total
+
+        best = max(gain(groups) for groups in partitions([t.number for t in ordered]))
+        assert gain(chains) == pytest.approx(best)
+
+
+def partitions(numbers: list[int]) -> list[list[list[int]]]:
+    """Return all partitions of a set."""
+    if not numbers:
+        return [[]]
+    first, rest = numbers[0], partitions(numbers[1:])
+    return [
+        new
+        for groups in rest
+        for new in (
+            [[first], *groups],
+            *([*groups[:i], [first, *group], *groups[i + 1 :]] for i, group in enumerate(groups)),
+        )
+    ]
+
+
+def test_who_sits_does_not_come_from_another_bench() -> None:
+    def sat(tracks: Tracks, from_s: float, x: float, *, on_seat: bool) -> None:
+        for k in range(4):
+            evidence = Evidence(1.0, 2.0, 0.5, on_seat)
+            seen = Sighting("person", (x, 0.0, 0.5), np.eye(2) * 0.04, RED, evidence)
+            tracks.add(round((from_s + 0.5 * k) * SECOND), [seen])
+
+    ratios = []
+    for on_seat in (True, False):
+        tracks = Tracks()
+        sat(tracks, 0.0, 0.0, on_seat=on_seat)
+        sat(tracks, 20.0, 15.0, on_seat=on_seat)
+        ratios.append(transit_ratio(*tracks.tracks))
+    assert ratios[0] < ratios[1] - 1.0
+
+
+def test_a_faint_box_of_a_sitter_says_less_than_a_clear_one() -> None:
+    faint, clear = (sighting_evidence(over, None, 1.7, 0.55, on_seat=True) for over in (-0.22, -0.12))
+    assert clear.seated == pytest.approx(2.73)
+    assert faint.seated == pytest.approx(2.73 - 5.0 * 0.10)
