@@ -39,6 +39,7 @@ from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
 from hil_companion.locate.tiles import on_seat, pieces, rival_score, without_duplicates
 from hil_companion.locate.tracks import Sighting, Tracks
+from hil_companion.locate.views import Views
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
 
@@ -91,6 +92,7 @@ class Detect:
     control = False
     settings_type = DetectSettings
     _geolocation: Geolocation  # from `start` on
+    _views: Views  # from `start` on
 
     def __init__(self, **settings: Any) -> None:
         s = self._settings = DetectSettings(**settings)
@@ -136,6 +138,7 @@ class Detect:
         sensor = s.camera.partition("/")[0]
         camera = Camera(sensor, welcome.sensors.get(sensor))
         self._geolocation = Geolocation(camera, ground_z_m=float(s.ground_z_m))
+        self._views = Views(camera)
         self._own_pose = OwnPose(tuple(float(v) for v in s.start)) if s.localiser == "own" else None
         self._radar_mount = None if s.radar is None else _mount(s.radar, welcome)
         if self._folder is not None:
@@ -158,7 +161,7 @@ class Detect:
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
         candidates = found  # boxes below the threshold are sightings and rivals
-        found = [d for d in found if d.score >= self._threshold - (WEAK if self._is_tracked(d) else 0.0)]
+        found = [d for d in found if d.score >= self._least_score(d, candidates)]
         pose = self._pose(frame, t_ns)
         pixels = [object_pixels(rgb, d.box_px) if self._is_tracked(d) else None for d in found]
         found = self._geolocation.place(found, pose, depth_m, self._radar(frame), pixels)
@@ -181,7 +184,7 @@ class Detect:
             self._pictures.close()
             self._pictures = None
         if self._journal is not None:
-            self._journal.close(self._objects.found(self._tracks.tracks))
+            self._journal.close(self._objects.found(self._tracks.tracks, self._views))
             self._journal = None
 
     def _detect(self, rgb: np.ndarray) -> list[Any]:
@@ -259,11 +262,19 @@ class Detect:
                 cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
                 sightings.append(Sighting(d.label, d.p_W, cov, look, evidence))
         self._tracks.add(t_ns, sightings)
-        objects = self._objects.found(self._tracks.tracks)
+        self._views.add(pose, depth_m)
+        objects = self._objects.found(self._tracks.tracks, self._views)
         if objects == self._reported:
             return None
         self._reported = objects
         return objects
+
+    def _least_score(self, box: Any, candidates: Sequence[Any]) -> float:
+        """Return the score from which a box is kept. People on seats often have low ones."""
+        if not self._is_tracked(box):
+            return self._threshold
+        weak = self._threshold - WEAK
+        return self._threshold - RIVAL if box.label == PERSON and on_seat(box, candidates, weak) else weak
 
     def _evidence(
         self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None

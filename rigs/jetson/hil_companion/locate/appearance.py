@@ -44,6 +44,7 @@ _OF_HUE = 0.15  # deviation of a strong hue, as a share of it: `_DARK` weakens i
 _COMMON_SIGMA = 0.1
 Common = Tuple[float, Tuple[float, float]]  # share of the people, and r - g and b - g, of a common hue
 _NEUTRAL, _DENIM, _KHAKI = (0.0, 0.12), (-0.5, 0.9), (0.25, -0.5)
+_SIDES = (2, 2, 1)  # of each block: a rucksack is seen from behind
 # Contrasts that are odd together, of the light, of the upper and of the lower part, with the common hues of clothes.
 _BLOCKS: Sequence[tuple[tuple[int, int], Sequence[Common]]] = (
     ((0, 1), ()),
@@ -76,11 +77,15 @@ def _linear(lab: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Contrasts of one track, NaN if not seen, and their variances V; from `sightings` sightings."""
+    """Contrasts of one track, NaN if not seen, and their variances V; from `sightings` sightings.
 
-    contrasts: np.ndarray
-    variance: np.ndarray
+    `anyone`: ln p(x) of each block.
+    """
+
+    contrasts: tuple[float, ...]
+    variance: tuple[float, ...]
     sightings: int
+    anyone: tuple[float, ...]
 
     @staticmethod
     def of_track(look: np.ndarray | None, sightings: int) -> Appearance:
@@ -92,7 +97,8 @@ class Appearance:
                 variance[part] *= 1.0 + math.exp(min(4.0, 2.0 * (_DIM - mean)))
         strong = np.nan_to_num(contrasts[2:])
         variance[2:] += (_OF_HUE * strong) ** 2
-        return Appearance(contrasts, variance, sightings)
+        x, v = tuple(contrasts.tolist()), tuple(variance.tolist())
+        return Appearance(x, v, sightings, tuple(_log_anyone(x, v, block, common) for block, common in _BLOCKS))
 
 
 def appearance_ratio(tracks: Sequence[Appearance]) -> float:
@@ -104,39 +110,67 @@ def appearance_ratio(tracks: Sequence[Appearance]) -> float:
     return max(_ratio([ordered[k], *ordered[:k], *ordered[k + 1 :]]) for k in range(min(_LEADERS, len(ordered))))
 
 
-def _ratio(tracks: Sequence[Appearance]) -> float:
-    total = 0.0
-    precision, mean = 1.0 / _BETWEEN, _MEAN.copy()
-    for k, one in enumerate(tracks):
+class _Side:
+    """Mean and precision of a block's contrasts of one person, and how many tracks they are of."""
+
+    def __init__(self, block: Sequence[int]) -> None:
+        self.mean = {c: float(_MEAN[c]) for c in block}
+        self.precision = {c: 1.0 / float(_BETWEEN[c]) for c in block}
+        self.count = 0.0
+
+    def alike(self, one: Appearance, seen: Sequence[int]) -> float:
         x, v = one.contrasts, one.variance
-        known = np.isfinite(x)
-        x = np.where(known, x, _MEAN)
-        weight = np.where(known, 1.0, 0.0)
-        if k:
-            alike = _log_normal(x - mean, 1.0 / precision + v)
-            for block, common in _BLOCKS:
-                seen = [c for c in block if known[c]]
-                if seen:
-                    own = (1.0 - _ODD) * math.exp(float(alike[seen].sum()) - _log_anyone(x, v, seen, common))
-                    total += math.log(own + _ODD)
-                    weight[seen] = own / (own + _ODD)
-        mean = (precision * mean + weight * x / v) / (precision + weight / v)
-        precision = precision + weight / v
+        return sum(_log_normal(x[c] - self.mean[c], 1.0 / self.precision[c] + v[c]) for c in seen)
+
+    def add(self, one: Appearance, seen: Sequence[int], weight: float) -> None:
+        self.count += weight
+        for c in seen:
+            more = weight / one.variance[c]
+            self.mean[c] = (self.precision[c] * self.mean[c] + more * one.contrasts[c]) / (self.precision[c] + more)
+            self.precision[c] += more
+
+
+def _ratio(tracks: Sequence[Appearance]) -> float:
+    # Plain numbers: arrays of six take ten times as long, and the search asks for thousands of ratios.
+    total = 0.0
+    for k, (block, _) in enumerate(_BLOCKS):
+        sides: list[_Side] = []
+        for one in tracks:
+            seen = [c for c in block if one.contrasts[c] == one.contrasts[c]]
+            if seen:
+                total += _add(sides, one, seen, block, one.anyone[k], _SIDES[k])
     return total
 
 
-def _log_anyone(x: np.ndarray, v: np.ndarray, seen: Sequence[int], common: Sequence[Common]) -> float:
-    """Return the logarithm of the density of these contrasts among all people."""
-    off = x[seen] - _MEAN[seen]
-    density = (1.0 - sum(share for share, _ in common)) * math.exp(
-        float(_log_normal(off, _BETWEEN[seen] + v[seen]).sum())
-    )
+def _add(
+    sides: list[_Side], one: Appearance, seen: Sequence[int], block: Sequence[int], anyone: float, most: int
+) -> float:
+    """Add a track's block to the sides of a person; return its log-likelihood ratio."""
+    ratio, odd = 0.0, 1.0
+    if sides:
+        count = sum(side.count for side in sides)
+        own = [(1.0 - _ODD) * side.count / count * math.exp(side.alike(one, seen) - anyone) for side in sides]
+        whole = sum(own) + _ODD
+        ratio, odd = math.log(whole), _ODD / whole
+        for side, part in zip(sides, own):
+            side.add(one, seen, part / whole)
+    if odd > 0.5 and len(sides) < most:
+        sides.append(_Side(block))
+        sides[-1].add(one, seen, odd)
+    return ratio
+
+
+def _log_anyone(x: Sequence[float], v: Sequence[float], block: Sequence[int], common: Sequence[Common]) -> float:
+    """Return the logarithm of the density of a block's contrasts among all people."""
+    seen = [c for c in block if x[c] == x[c]]
+    rest = 1.0 - sum(share for share, _ in common)
+    density = rest * math.exp(sum(_log_normal(x[c] - _MEAN[c], _BETWEEN[c] + v[c]) for c in seen))
     for share, hue in common:
-        off = x[seen] - np.array(hue)[: len(seen)]
-        density += share * math.exp(float(_log_normal(off, _COMMON_SIGMA**2 + v[seen]).sum()))
+        off = [(x[c] - m, _COMMON_SIGMA**2 + v[c]) for c, m in zip(block, hue) if c in seen]
+        density += share * math.exp(sum(_log_normal(*one) for one in off))
     return math.log(max(density, 1e-30))
 
 
-def _log_normal(off: np.ndarray, variance: np.ndarray) -> np.ndarray:
+def _log_normal(off: float, variance: float) -> float:
     """Return the logarithm of a normal density, without the constant."""
-    return -0.5 * (off * off / variance + np.log(variance))
+    return -0.5 * (off * off / variance + math.log(variance))

@@ -13,10 +13,16 @@ Boxes of one object show the same clothes in front of the same background, so th
 correlation rho between two of them, n count as n / (1 + (n - 1) rho) independent ones (design effect; Kish 1965, Survey
 Sampling, 5.4). What all boxes of an object say together is one observation: the median height m of their middles,
 normal with the mean of an upright person, of a seated one, or of other things that resemble one, and the share s of
-boxes on a seat. The log-odds of an object are the greater of
+boxes on a seat. A person who stands in clear view has a box in almost every picture, and other things, one that comes
+and goes. So each of k pictures that had to show a still object (`views`) says besides, with the shares h of hits
+(pictures with a box) of persons of the posture and of other things,
 
-    l_upright = l_0 + sum z_i / (1 + (n - 1) rho) + ln N(m; upright) / N(m; low things)
-    l_seated  =       the same sum of the seated z + ln N(m; seated) / N(m; things on seats) + seat(s)
+    z'_j = ln h(posture) / h(thing) for a hit,  ln (1 - h(posture)) / (1 - h(thing)) for a miss
+
+and n counts the misses too. The log-odds of an object are the greater of
+
+    l_upright = l_0 + (sum z_i + sum z'_j) / (1 + (n - 1) rho) + ln N(m; upright) / N(m; low things)
+    l_seated  =       the same sum of the seated z and z' + ln N(m; seated) / N(m; things on seats) + seat(s)
 """
 
 from __future__ import annotations
@@ -26,7 +32,7 @@ from dataclasses import dataclass
 
 PERSON = "person"
 _UPRIGHT_PRIOR, _SEATED_PRIOR, _CORRELATION = -6.0, -4.3, 0.1  # l_0 of both, and rho
-WEAK = 0.12  # a score of so much less than the threshold can be a sighting
+WEAK = 0.12  # a score of so much less than the threshold can be a sighting; on a seat, one of `RIVAL` less
 RIVAL = 0.27  # a rival's score of so much less than the threshold, and those below it, say nothing
 LEAST_EVIDENCE = -2.0  # a box with less is not a sighting
 _MOST_M, _MIDDLE_MOST_M = 1.0, 0.8  # a greater difference of a height or of a middle counts as this one
@@ -39,6 +45,7 @@ class _Posture:
 
     constant: float
     score: float
+    faint: float  # weight of the score below that of other sightings, besides
     rival: float
     height_m: float
     lower: float  # per metre below `height_m`
@@ -50,9 +57,16 @@ class _Posture:
     others_m: float
     spread_m: float
     most_ratio: float
+    hits: float  # share of the pictures in clear view that have a box of a still person; of a still thing
+    others_hits: float
+
+    def looked(self, hits: int, misses: int) -> float:
+        """Return the evidence of the pictures that had to show a still object."""
+        hit, miss = self.hits / self.others_hits, (1.0 - self.hits) / (1.0 - self.others_hits)
+        return hits * math.log(hit) + misses * math.log(miss)
 
     def evidence(self, over: float, rival_over: float | None, height_m: float | None, middle_m: float | None) -> float:
-        z = self.constant + self.score * over
+        z = self.constant + self.score * over + self.faint * min(0.0, over + WEAK)
         if rival_over is not None:
             z += self.rival * max(0.0, rival_over + RIVAL)
         if height_m is not None:
@@ -68,8 +82,8 @@ class _Posture:
         return max(-_LEAST_RATIO, min(self.most_ratio, ratio))
 
 
-_UPRIGHT = _Posture(2.96, 6.26, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0)
-_SEATED = _Posture(2.73, 0.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0)
+_UPRIGHT = _Posture(2.96, 6.26, 0.0, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0, 0.92, 0.37)
+_SEATED = _Posture(2.73, 0.0, 5.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0, 0.5, 0.39)
 _MIDDLE_SIGMA_M, _LEAST_RATIO = 0.22, 6.0
 
 
@@ -136,11 +150,14 @@ class Evidences:
         total.middles_m = [*self.middles_m, *other.middles_m]
         return total
 
-    @property
-    def odds(self) -> float:
-        """Return the log-odds of the object; it is reported from 0 on."""
-        dependence = 1.0 + _CORRELATION * (self.count - 1)
-        upright, seated = _UPRIGHT_PRIOR + self.upright / dependence, _SEATED_PRIOR + self.seated / dependence
+    def odds(self, hits: int = 0, misses: int = 0) -> float:
+        """Return the log-odds of the object; it is reported from 0 on.
+
+        `hits`, `misses`: pictures that had to show it if it is still, with and without a box.
+        """
+        dependence = 1.0 + _CORRELATION * (self.count + misses - 1)
+        upright = _UPRIGHT_PRIOR + (self.upright + _UPRIGHT.looked(hits, misses)) / dependence
+        seated = _SEATED_PRIOR + (self.seated + _SEATED.looked(hits, misses)) / dependence
         if self.middles_m:
             median_m = sorted(self.middles_m)[len(self.middles_m) // 2]
             upright += _UPRIGHT.median_ratio(median_m, len(self.middles_m))

@@ -13,12 +13,16 @@ from hil_companion.detections import Found
 from hil_companion.locate.existence import Evidences
 from hil_companion.locate.partition import Partition
 from hil_companion.locate.tracks import FIX_SIGMA_M, Track
+from hil_companion.locate.views import Views
 
 _LEAST_JOINED, _LEAST_SURETY = 2, 2.0  # sightings and evidence of a track that can be joined and reported
 _ONE_PLACE_M = 1.5
 # Log-odds from which an object so near to another one may be a second person, and the share of its pictures that show
 # both up to which it is the same one.
 _TWO_SURE, _SELDOM = 8.0, 0.25
+# ln of the chances to see a person and something else walk: few things do, with wrong ranges.
+_WALKER, _WALKED_SEEN = 1.7, 6
+_STILL = 0.8  # share of the sightings at one place, of an object that is still
 _LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
 _AGAIN = 4
 
@@ -26,32 +30,45 @@ _AGAIN = 4
 class Group:
     """Tracks of one object, in the order of time."""
 
-    def __init__(self, tracks: Sequence[Track]) -> None:
+    def __init__(self, tracks: Sequence[Track], views: Views | None = None) -> None:
         self.tracks = list(tracks)
+        self.pictures = frozenset().union(*(track.pictures for track in self.tracks))
+        hits, misses = (0, 0) if views is None else self._looked(views)
+        self.odds = sum((track.evidence for track in self.tracks), Evidences()).odds(hits, misses)
+        walked = sum(track.sightings for track in self.tracks if track.walks)
+        self.odds += _WALKER if self.walks and walked >= _WALKED_SEEN else 0.0
 
-    @property
-    def odds(self) -> float:
-        return sum((track.evidence for track in self.tracks), Evidences()).odds
+    def _looked(self, views: Views) -> tuple[int, int]:
+        """Return how many pictures between the first and the last sighting of a still object have it, and have not."""
+        nearest = min(self.tracks, key=lambda t: t.closest_m)
+        x, y = nearest.fix.state[:2].tolist()
+        stands = any(t.stands for t in self.tracks) and not any(t.walks for t in self.tracks)
+        if not stands or self.share_at((x, y), unsure=True) < _STILL:
+            return 0, 0
+        first, last = min(self.pictures), max(self.pictures)
+        showing = [n for n in views.showing(nearest.number, (x, y, nearest.z_m)) if first <= n <= last]
+        hits = sum(n in self.pictures for n in showing)
+        return hits, len(showing) - hits
 
     @property
     def walks(self) -> bool:
-        """Return True if most sightings are of tracks that walk rather than stand."""
-        return sum(t.sightings * (t.walks - t.stands) for t in self.tracks) > 0
+        """Return True if most sightings are of tracks that walk."""
+        return sum(t.sightings * (1 if t.walks else -1) for t in self.tracks) > 0
 
-    def share_at(self, p_W: Sequence[float]) -> float:
-        """Return the share of the sightings in tracks that begin or end at a place."""
+    def share_at(self, p_W: Sequence[float], *, unsure: bool = False) -> float:
+        """Return the share of the sightings in tracks that begin or end at a place. `unsure`: or may do so."""
 
         def near(track: Track) -> bool:
             ends = (track.first.state, track.state)
-            return any(math.dist((x, y), p_W[:2]) < _ONE_PLACE_M for x, y in (state[:2].tolist() for state in ends))
+            within_m = _ONE_PLACE_M + (track.closest_m if unsure else 0.0)
+            return any(math.dist((x, y), p_W[:2]) < within_m for x, y in (state[:2].tolist() for state in ends))
 
         total = sum(track.sightings for track in self.tracks)
         return sum(track.sightings for track in self.tracks if near(track)) / total
 
     def share_with(self, other: Group) -> float:
         """Return the share of this object's pictures that show the other one too."""
-        mine, others = (frozenset().union(*(t.pictures for t in g.tracks)) for g in (self, other))
-        return len(mine & others) / len(mine)
+        return len(self.pictures & other.pictures) / len(self.pictures)
 
     def found(self) -> Found | None:
         """Return the object; None without enough evidence."""
@@ -91,13 +108,13 @@ class Objects:
         self._known: set[int] = set()
         self._calls = 0
 
-    def found(self, tracks: Sequence[Track]) -> list[Found]:
-        """Return the objects to report, by number."""
-        reported = [(group, group.found()) for group in self.groups(tracks)]
+    def found(self, tracks: Sequence[Track], views: Views | None = None) -> list[Found]:
+        """Return the objects to report, by number. `views`: of the pictures so far; None: misses do not count."""
+        reported = [(group, group.found()) for group in self.groups(tracks, views)]
         known = [(group, obj) for group, obj in reported if obj is not None]
         return sorted((obj for group, obj in known if not _repeats(group, obj, known)), key=lambda obj: obj.number)
 
-    def groups(self, tracks: Sequence[Track]) -> list[Group]:
+    def groups(self, tracks: Sequence[Track], views: Views | None = None) -> list[Group]:
         """Return the tracks joined to objects."""
         joinable = {
             track.number: track
@@ -109,4 +126,4 @@ class Objects:
             self._known = set(joinable)
             groups = self._partition.groups(list(joinable.values()))
             self._numbers = [[track.number for track in group] for group in groups]
-        return [Group([joinable[n] for n in numbers]) for numbers in self._numbers]
+        return [Group([joinable[n] for n in numbers], views) for numbers in self._numbers]

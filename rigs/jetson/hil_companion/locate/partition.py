@@ -3,13 +3,15 @@
     score = sum over the objects of [ ln ratio of appearance of all its tracks
             + sum over neighbours in time of their transit + (number of tracks - 1) `_PRIOR` ]
 
-Two tracks in one picture are two objects, and so are two of which the later one is out of reach of the earlier one.
-The transits alone are a path cover with the least cost, the form of min-cost flow for tracks (Zhang, Li and Nevatia
-2008, Global Data Association for Multi-Object Tracking Using Network Flows). The appearance of an object is that of
-all its tracks, which no flow can express. So the search begins with joining, best pair of groups first, and then takes
-the best of these moves until none gains: a track to another group or to one of its own; two groups joined; two groups
-that swap all tracks after some time (Oh, Russell and Sastry 2009, Markov Chain Monte Carlo Data Association, whose
-moves these are, here without chance so that a flight repeats).
+Two tracks in more than one picture are two objects, and so are two of which the later one is out of reach of the
+earlier one. With the appearance of neighbours in time alone, the best partition is a path cover with the least cost,
+which an assignment of successors to tracks finds (Zhang, Li and Nevatia 2008, Global Data Association for Multi-Object
+Tracking Using Network Flows; without false tracks, which have no cost here). The search begins with it. The appearance
+of an object is that of all its tracks, which no flow can express. So groups are joined next, best pair first, and then
+the best of these moves is taken until none gains: a track to another group or to one of its own; two groups joined; one
+that takes all tracks of another that are possible beside its own; two groups that swap all tracks after some time (Oh,
+Russell and Sastry 2009, Markov Chain Monte Carlo Data Association, whose moves these are, here without chance so that a
+flight repeats).
 """
 
 from __future__ import annotations
@@ -17,11 +19,15 @@ from __future__ import annotations
 import math
 from typing import FrozenSet, Sequence
 
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
 from hil_companion.locate.appearance import Appearance, appearance_ratio
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_PRIOR = 0.0  # ln of the odds that two tracks are of one object, before anything is known of them
+_PRIOR = 0.5  # ln of the odds that two tracks are of one object, before anything is known: a survey sees each one often
+_SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
 _ROUNDS = 200
 
@@ -36,12 +42,13 @@ class Partition:
         self._appearance: dict[int, Appearance] = {}
         self._transits: dict[tuple[int, int], float] = {}
         self._scores: dict[Members, float] = {}
+        self._links: dict[tuple[int, int], float] = {}
         self._tracks: dict[int, Track] = {}
 
     def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
         """Return the tracks of each object in the order of time; objects by their first track."""
         self._forget(tracks)
-        groups = self._joined([frozenset([number]) for number in sorted(self._tracks)])
+        groups = self._joined(self._chains())
         for _ in range(_ROUNDS):
             better = self._moved(groups)
             if better is None:
@@ -57,6 +64,7 @@ class Partition:
         self._sightings = counts
         self._appearance = {n: a for n, a in self._appearance.items() if n not in changed}
         self._transits = {pair: s for pair, s in self._transits.items() if not changed.intersection(pair)}
+        self._links = {pair: s for pair, s in self._links.items() if not changed.intersection(pair)}
         self._scores = {group: s for group, s in self._scores.items() if not changed & group}
 
     def _ordered(self, group: Members) -> list[Track]:
@@ -70,9 +78,35 @@ class Partition:
     def _transit(self, a: Track, b: Track) -> float:
         pair = (a.number, b.number)
         if pair not in self._transits:
-            apart = a.label != b.label or bool(a.pictures & b.pictures)
+            apart = a.label != b.label or len(a.pictures & b.pictures) > _SHARED
             self._transits[pair] = -math.inf if apart else transit_ratio(a, b)
         return self._transits[pair]
+
+    def _link(self, a: Track, b: Track) -> float:
+        """Return what it gains that b is a's successor."""
+        pair = (a.number, b.number)
+        if pair not in self._links:
+            transit = self._transit(a, b) + _PRIOR
+            alike = 0.0 if transit == -math.inf else appearance_ratio([self._appears(n) for n in pair])
+            self._links[pair] = transit + alike
+        return self._links[pair]
+
+    def _chains(self) -> list[Members]:
+        """Return the groups of the best path cover."""
+        ordered = self._ordered(frozenset(self._tracks))
+        if len(ordered) < 2:
+            return [frozenset([track.number]) for track in ordered]
+        gains = np.zeros((len(ordered), len(ordered)))
+        for i, a in enumerate(ordered):
+            for k in range(i + 1, len(ordered)):
+                gains[i, k] = max(0.0, self._link(a, ordered[k]))
+        chain = {track.number: [track.number] for track in ordered}
+        # In the order of the successors, so that a chain is whole before its end is continued.
+        for i, k in sorted(zip(*(index.tolist() for index in linear_sum_assignment(-gains))), key=lambda ik: ik[1]):
+            if gains[i, k] > _LEAST_GAIN:
+                chain[ordered[k].number] = chain[ordered[i].number]
+                chain[ordered[k].number].append(ordered[k].number)
+        return sorted({frozenset(numbers) for numbers in chain.values()}, key=min)
 
     def score(self, group: Members) -> float:
         """Return the score of one object with these tracks; -inf if they cannot be one, 0 for one track or none."""
@@ -133,6 +167,17 @@ class Partition:
         a, b, new = choice
         return [one for one in [*(one for one in groups if one not in (a, b)), *new] if one]
 
+    def _gathered(self, a: Members, b: Members) -> tuple[Members, Members]:
+        """Return a with all tracks of b that can be of one object with those of a, and the rest of b."""
+        fitting = frozenset(n for n in b if all(self._possible(n, other) for other in a))
+        return a | fitting, b - fitting
+
+    def _possible(self, m: int, n: int) -> bool:
+        a, b = self._tracks[m], self._tracks[n]
+        if (b.first_ns, b.number) < (a.first_ns, a.number):
+            a, b = b, a
+        return self._transit(a, b) > -math.inf
+
     def _exchanges(self, a: Members, b: Members, *, whole: bool) -> list[tuple[Members, Members]]:
         """Return pairs of groups made of the tracks of two. `whole`: those too that do not tell a from b."""
         pairs = [(a - {n}, b | {n}) for n in sorted(a)]
@@ -140,6 +185,7 @@ class Partition:
             return pairs
         if b:
             pairs.append((a | b, frozenset()))
+            pairs += [self._gathered(a, b), self._gathered(b, a)]
         times = sorted({self._tracks[n].first_ns for n in a | b})[1:]
         for t_ns in times:
             late_a, late_b = (frozenset(n for n in g if self._tracks[n].first_ns >= t_ns) for g in (a, b))

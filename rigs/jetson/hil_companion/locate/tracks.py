@@ -9,8 +9,10 @@ first, with
     cost = d^2 + ln det S - 2 look      d: distance in standard deviations of S, at most `_GATE`
 
 `look` is the log-likelihood ratio of the appearance (`appearance`). The assignment with the least sum is taken (Kuhn
-1955, The Hungarian Method), among those that continue as many tracks as possible. A sighting that fits no track starts
-a new one, and a track ends `_AWAY_S` after its last sighting. `objects` joins the tracks of one object.
+1955, The Hungarian Method), among those that continue as many tracks as possible. A sighting whose look fits no track,
+but which is where one without a sighting should be a moment after its last one, is of that object: a part of somebody
+else would have to be there while he is not. Any other sighting that fits no track starts a new one, and a track ends
+`_AWAY_S` after its last sighting. `objects` joins the tracks of one object.
 """
 
 from __future__ import annotations
@@ -28,16 +30,21 @@ from hil_companion.locate.looks import look_difference, median_look
 
 _ACCEL, _STANDING_ACCEL, _STROLL = 0.35, 0.12, 0.08
 _BEGINS_SEEN = 4  # sightings that say where a track begins
-_FIRST_SPEED_MPS, _MAX_SPEED_MPS = 0.9, 2.5
+FIRST_SPEED_MPS, _MAX_SPEED_MPS = 0.9, 2.5  # the first is the deviation of a velocity before it is measured
 _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _STAYS_MPS, _STAYS_M, _STANDS_M = 0.3, 1.0, 2.5  # an object that moved less than this since its first sighting stands
 _WALKS_MPS, _WALKED_M, _WALKED_SIGMAS = 0.5, 1.5, 2.0
 _GATE = 3.3
 _ABSENT_S, _AWAY_S = 1.6, 4.0
+_AT_ONCE_S, _AT_ONCE_GATE = (
+    1.1,
+    2.5,
+)  # a sighting so soon after the last one and so near is of the track, whatever its look
 _LEAST_ALIKE = -2.5  # ln ratio of the appearance of a sighting and its track, one object against two
 _LOOKS_KEPT = 30  # sightings whose median look is the track's
-_ALONE = 40.0  # more than any cost within the gates: as many sightings as possible continue tracks
-FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
+_OTHER_LOOK = 60.0  # more than the cost of all sightings whose look fits: such a sighting is assigned last
+_ALONE = 200.0  # more than any cost within the gates: as many sightings as possible continue tracks
+FIX_SIGMA_M = 0.35  # a position at least as sure as this is reported rather than an older, surer one
 _FIX_LOOK = 17.0  # a sighting with a greater difference of looks does not change the reported position
 _WEAK_S = 12.0  # a track of one sighting, or of unsure ones only, is dropped after this time
 
@@ -67,6 +74,7 @@ class Fix:
     t_ns: int
     state: np.ndarray
     sigma_m: float
+    speed_sigma_mps: float = FIRST_SPEED_MPS  # of the velocity, per axis
 
 
 class Track:
@@ -82,7 +90,7 @@ class Track:
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.zeros((4, 4))
-        self.cov[:2, :2], self.cov[2:, 2:] = seen.cov, np.eye(2) * _FIRST_SPEED_MPS**2
+        self.cov[:2, :2], self.cov[2:, 2:] = seen.cov, np.eye(2) * FIRST_SPEED_MPS**2
         self.looks = [] if seen.look is None else [seen.look]
         self.look = seen.look
         self.appearance = Appearance.of_track(seen.look, 1)
@@ -147,7 +155,8 @@ class Track:
             return math.inf
         look = appearance_ratio([self.appearance, Appearance.of_track(seen.look, 1)])
         if look < _LEAST_ALIKE:
-            return math.inf
+            at_once = (t_ns - self.t_ns) * 1e-9 <= _AT_ONCE_S and squared <= _AT_ONCE_GATE**2
+            return _OTHER_LOOK + squared if at_once else math.inf
         return squared + math.log(float(np.linalg.det(S))) - 2.0 * look
 
     def update(self, t_ns: int, picture: int, seen: Sighting) -> None:
@@ -164,7 +173,8 @@ class Track:
         self.extent_m = max(self.extent_m, float(np.hypot(*(self.state[:2] - self.first.state[:2]))))
         if self.sightings < _BEGINS_SEEN:  # the first sighting alone may have a wrong range
             begun = self.state[:2] - self.state[2:] * ((t_ns - self.first_ns) * 1e-9)
-            self.first = Fix(self.first_ns, np.concatenate([begun, self.state[2:]]), self.sigma_m)
+            speed_sigma_mps = math.sqrt(0.5 * float(self.cov[2, 2] + self.cov[3, 3]))
+            self.first = Fix(self.first_ns, np.concatenate([begun, self.state[2:]]), self.sigma_m, speed_sigma_mps)
         self.t_ns = t_ns
         self.closest_m = min(self.closest_m, math.sqrt(float(np.linalg.eigvalsh(seen.cov)[-1])))
         self.sightings += 1
