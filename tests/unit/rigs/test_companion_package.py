@@ -14,7 +14,7 @@ from tests.worlds.scripted_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
 WITH_OPENCV = {"detect", "explore", "locate"}  # folders
-WITH_SCIPY = {"locate/tracks.py"}  # of the extra `detect`
+WITH_SCIPY = {"locate/partition.py", "locate/tracks.py"}  # of the extra `detect`
 BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
 # Python 3.8 cannot evaluate X | Y and list[X] at import, which happens outside annotations.

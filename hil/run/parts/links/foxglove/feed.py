@@ -227,9 +227,9 @@ class VehicleFeed:
         for event in pending.events:
             self._series["events"].add(*event)
         for name, frames in (("sent", pending.sent), ("received", pending.received)):
-            for frame in frames:
-                self._series[name].add(*frame)
-            publish(self._series[name].pending.block())
+            series = self._series[name]
+            series.frames += frames
+            publish(series.block())
         publish(self._series["events"].pending.block())
         for t_ns, client, detections in pending.detections:
             series = self._series.setdefault(f"detections {client}", DetectionSeries(client))

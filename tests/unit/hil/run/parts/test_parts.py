@@ -34,6 +34,7 @@ BENCHES = {
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
+    "satellites": ["sensors.gps.sky={{}}"],
     "signing": ["autopilot.signing_key_file={folder}/signing.key"],
     "follow": ["mission=null", "follow.log={folder}/flight.csv", "follow.columns={folder}/flight.yaml"],
 }
