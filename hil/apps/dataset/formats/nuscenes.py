@@ -163,7 +163,7 @@ def scenes(frames: Iterable[AnnotatedFrame], set_of: Sequence[str], gap_ns: int)
 
 @dataclass(frozen=True)
 class Rig:
-    """Properties that all samples share: mounts of camera and LiDAR (position, quaternion), the camera's matrix and size."""
+    """Properties of all samples: mounts of camera and LiDAR (position, quaternion), the camera's matrix and size."""
 
     p_BC: tuple[float, ...]
     q_BC: Quat
