@@ -17,7 +17,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 
 from websockets.http11 import Request
@@ -54,6 +54,10 @@ class Gate:
         self._inner: Address = ("", 0)
         self._sockets: set[socket.socket] = set()
         self._threads: list[threading.Thread] = []
+        self._clients: set[socket.socket] = set()  # to which bytes are passed on
+        self._last = b""
+        self._waiting: dict[socket.socket, bytes] = {}  # clients without the last text, and their latest bytes
+        self._passed_s = 0.0  # when such a client last got bytes
         self._told: set[str] = set()
         self.refusals: deque[str] = deque()  # for people
         name = f"{host}:{port}"
@@ -76,6 +80,23 @@ class Gate:
         """Pass clients on to the server at `inner`."""
         self._inner = inner
         threading.Thread(target=self._accept, name="foxglove gate", daemon=True).start()
+
+    def pass_on_last(self, text: str, say: Callable[[str], None], idle_s: float) -> None:
+        """Let the server say a text, and wait until all clients have it, or get nothing for so long.
+
+        A server that stops drops what its queues hold.
+        """
+        self._last = text.encode()
+        self._waiting = dict.fromkeys(self._clients.copy(), b"")
+        self._passed_s = time.monotonic()
+        say(text)
+        while self.waits_for_clients and time.monotonic() - self._passed_s < idle_s:
+            time.sleep(0.002)
+
+    @property
+    def waits_for_clients(self) -> bool:
+        """Whether clients have not got the last text."""
+        return bool(self._waiting)
 
     def close(self, limit_s: float) -> None:
         """Take no more clients, wait for the server to end its connections, and close what is left. Idempotent."""
@@ -157,18 +178,36 @@ class Gate:
             each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         server.sendall(head)
         self._sockets.add(server)
-        back = threading.Thread(target=_copy, args=(server, client), name="foxglove gate", daemon=True)
+        self._clients.add(client)
+        back = threading.Thread(target=_copy, args=(server, client, self._passed), name="foxglove gate", daemon=True)
         back.start()
         _copy(client, server)
         back.join()
+        self._clients.discard(client)
+        self._waiting.pop(client, None)
         self._sockets.discard(server)
 
+    def _passed(self, client: socket.socket, data: memoryview) -> None:
+        before = self._waiting.get(client)
+        if before is None:
+            return
+        data_so_far = before + data
+        if self._last in data_so_far:
+            self._waiting.pop(client, None)
+        else:
+            self._waiting[client] = data_so_far[-len(self._last) :]
+        self._passed_s = time.monotonic()
 
-def _copy(source: socket.socket, target: socket.socket) -> None:
-    """Copy bytes until the source ends, and tell the target."""
+
+Passed = Callable[[socket.socket, memoryview], None]
+
+
+def _copy(source: socket.socket, target: socket.socket, passed: Passed = lambda target, data: None) -> None:  # noqa: ARG005
+    """Copy bytes until the source ends, and tell the target. `passed` gets what the target has got."""
     buffer = memoryview(bytearray(_CHUNK_BYTES))
     with suppress(OSError):
         while n := source.recv_into(buffer):
             target.sendall(buffer[:n])
+            passed(target, buffer[:n])
     with suppress(OSError):
         target.shutdown(socket.SHUT_WR)

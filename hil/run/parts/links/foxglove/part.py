@@ -245,11 +245,10 @@ class FoxgloveServer:
         with suppress(Exception):  # the run's result matters more
             if self._defect == "" and self._may_control and all(each.built for each in self._vehicles.values()):
                 self._update_last()
-            self._server.status("the flight is over")
         self._jobs.put(None)
         if self._thread is not None:
             self._thread.join(_STOP_S)
-        self._server.stop()
+        self._server.stop("the flight is over")
 
     def _update_last(self) -> None:
         state = self._commands.playback_state(paused=True, t_ns=self._t_ns(), ended=True)

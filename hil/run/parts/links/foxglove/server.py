@@ -106,8 +106,11 @@ class LiveServer:
     def serves(self) -> bool:
         return self._server is not None
 
-    def stop(self) -> None:
-        """Close all connections. Idempotent."""
+    def stop(self, last: str = "") -> None:
+        """Show a last text in all clients, if one is given, and close all connections. Idempotent."""
+        if last and self._gate is not None and self.serves:
+            with suppress(Exception):  # the run's result matters more
+                self._gate.pass_on_last(last, self.status, _STOP_S)
         with self._lock:
             server, self._server = self._server, None
         if server is not None:

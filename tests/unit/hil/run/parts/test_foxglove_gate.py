@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -26,6 +27,7 @@ class Echo:
         self.listening = socket.create_server(("127.0.0.1", 0))
         self.address = self.listening.getsockname()[:2]
         self.connections = 0
+        self.clients: list[socket.socket] = []
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
@@ -33,6 +35,7 @@ class Echo:
             while True:
                 client, _ = self.listening.accept()
                 self.connections += 1
+                self.clients.append(client)
                 threading.Thread(target=self._echo, args=(client,), daemon=True).start()
 
     def _echo(self, client: socket.socket) -> None:
@@ -190,3 +193,45 @@ def test_origins_that_name_no_page_are_refused(origin: str) -> None:
 def test_origins_of_other_pages() -> None:
     settings = ["foxglove.origins=[HTTP://localhost:8080, 'file://']"]
     assert load_bench(None, settings=settings).config.foxglove.origins == ("http://localhost:8080", "file://")
+
+
+def test_the_last_text_is_waited_for_until_slow_clients_have_it(gate: Gate, echo: Echo) -> None:
+    head, load, text = request("Host: localhost"), bytes(16 << 20), "the end"
+    received = [bytearray(), bytearray()]
+
+    def read(client: socket.socket, into: bytearray, pause_s: float) -> None:
+        while not into.endswith(text.encode()) and (piece := client.recv(1 << 16)):
+            into += piece
+            time.sleep(pause_s)
+
+    def say(text: str) -> None:  # as a server whose queues are full
+        for client in echo.clients:
+            threading.Thread(target=client.sendall, args=(load + text[:3].encode(),), daemon=True).start()
+        for client, into in zip(clients, received, strict=True):
+            threading.Thread(target=read, args=(client, into, 0.001), daemon=True).start()
+        assert until(lambda: all(len(each) > len(load) for each in received))
+        for client in echo.clients:
+            client.sendall(text[3:].encode())
+
+    clients = [socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) for _ in received]
+    for client in clients:
+        client.sendall(head)
+        assert client.recv(1 << 16) == head
+    gate.pass_on_last(text, say, idle_s=PATIENCE_S)
+    assert not gate.waits_for_clients
+    assert until(lambda: all(each.endswith(text.encode()) for each in received))
+
+
+def test_a_client_that_reads_nothing_ends_the_wait(gate: Gate, echo: Echo) -> None:
+    head = request("Host: localhost")
+    with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) as client:
+        client.sendall(head)
+        assert client.recv(1 << 16) == head
+
+        def send() -> None:
+            with suppress(OSError):
+                echo.clients[0].sendall(bytes(64 << 20))
+
+        sends = threading.Thread(target=send, daemon=True)
+        gate.pass_on_last("the end", lambda text: sends.start(), idle_s=0.3)
+        assert gate.waits_for_clients
