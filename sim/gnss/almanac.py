@@ -129,9 +129,7 @@ def _sem(lines: list[str], source: str, problems: list[Problem]) -> Iterator[tup
     toa = _number(rows[1][1][1], "toa_s", f"{source}:{rows[1][0]}", problems)
     if declared > _MOST_SATELLITES or week is None or toa is None:
         if declared > _MOST_SATELLITES:
-            problems.append(
-                Problem(f"{source}:{rows[0][0]}", f"declares more than {_MOST_SATELLITES} satellites")
-            )
+            problems.append(Problem(f"{source}:{rows[0][0]}", f"declares more than {_MOST_SATELLITES} satellites"))
         return
     # Of each satellite: number; SVN; URA; e, i, dO/dt; sqrt(A), O, w; M, af0, af1; health; configuration.
     shape = (
