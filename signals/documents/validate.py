@@ -190,7 +190,8 @@ def _translate(model: type[BaseModel], data: Any, item: Any, place: Place, locat
             hint = "leave the quotes away"
     elif kind in compare:
         word, key = compare[kind]
-        message = f"must be {word} {limits[key]:g}{unit}, not {shown(value)}"
+        limit = limits[key]  # a whole number in full: 9.22337e+18 is above the greatest seed
+        message = f"must be {word} {limit if isinstance(limit, int) else f'{limit:g}'}{unit}, not {shown(value)}"
     elif kind in ("literal_error", "enum"):
         legal = re.findall(r"'([^']*)'", limits["expected"]) or [limits["expected"]]
         message = f"must be {_alternatives(legal)}, not {shown(value)}"
