@@ -13,7 +13,7 @@ import re
 import types
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, Protocol, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -160,7 +160,7 @@ def _translate(model: type[BaseModel], data: Any, item: Any, place: Place, locat
         enclosing = located.where(below + place[:-1])
         return Problem(enclosing, f"{dotted(below + place)} is missing")
     if kind == "extra_forbidden":
-        hint = nearest(str(place[-1]), legal_keys(model, place[:-1]))
+        hint = nearest(str(place[-1]), legal_keys(model, place[:-1], _get(data, place[:-1])))
         where = located.where(below + place)
         if where.startswith(COMMAND_LINE):
             hint = re.sub(
@@ -190,7 +190,8 @@ def _translate(model: type[BaseModel], data: Any, item: Any, place: Place, locat
             hint = "leave the quotes away"
     elif kind in compare:
         word, key = compare[kind]
-        message = f"must be {word} {limits[key]:g}{unit}, not {shown(value)}"
+        limit = limits[key]  # a whole number in full: 9.22337e+18 is above the greatest seed
+        message = f"must be {word} {limit if isinstance(limit, int) else f'{limit:g}'}{unit}, not {shown(value)}"
     elif kind in ("literal_error", "enum"):
         legal = re.findall(r"'([^']*)'", limits["expected"]) or [limits["expected"]]
         message = f"must be {_alternatives(legal)}, not {shown(value)}"
@@ -241,8 +242,11 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def legal_keys(model: type[BaseModel], place: Place) -> list[str]:
-    """Return the keys that the model's annotations allow in the mapping at `place`."""
+def legal_keys(model: type[BaseModel], place: Place, mapping: Any) -> list[str]:
+    """Return the keys that the model's annotations allow in `mapping`, which is at `place`.
+
+    Of a union, the models of another `kind` than that of the mapping do not count.
+    """
     annotations: list[Any] = [model]
     for part in place:
         step: list[Any] = []
@@ -254,11 +258,18 @@ def legal_keys(model: type[BaseModel], place: Place) -> list[str]:
                 # The type of the elements: V of dict[K, V], T of list[T] and of tuple[T, ...].
                 step += [a for a in get_args(annotation)[-2:] if a is not ...][-1:]
         annotations = step
-    keys: dict[str, None] = {}
-    for annotation in _branches(annotations):
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            keys.update(dict.fromkeys(annotation.model_fields))
-    return list(keys)
+    models = [a for a in _branches(annotations) if isinstance(a, type) and issubclass(a, BaseModel)]
+    meant = [each for each in models if _may_be(each, mapping)] or models
+    return list(dict.fromkeys(key for each in meant for key in each.model_fields))
+
+
+def _may_be(model: type[BaseModel], mapping: Any) -> bool:
+    """Return False if a key of the mapping names another model, as `kind` does."""
+    return not isinstance(mapping, dict) or all(
+        get_origin(field.annotation) is not Literal or mapping.get(name, field.default) in get_args(field.annotation)
+        for name, field in model.model_fields.items()
+        if name == "kind"
+    )
 
 
 def _branches(annotations: list[Any]) -> Iterator[Any]:

@@ -16,11 +16,13 @@ from typing import Any
 import pydantic
 
 from signals.documents.document import read_text, shown_path
+from signals.documents.validate import shown
 from signals.errors import ConfigError, Problem
 from sim.gnss.orbit import Orbit
 
 _LIMIT_BYTES = 1 << 20
 _MOST_SATELLITES = 63
+_MOST_WEEKS_APART = 8  # of the satellites of a file: their elements are of the same days
 _SEMICIRCLE = math.pi
 _NOMINAL_INCLINATION = 0.30  # semicircles
 
@@ -47,9 +49,9 @@ def read_almanac(path: Path) -> tuple[Orbit, ...]:
     """Return the healthy satellites of a YUMA or SEM file. Raises ConfigError with every problem and its line."""
     source = shown_path(path)
     lines = read_text(path, limit_bytes=_LIMIT_BYTES).splitlines()
-    first = next((line for line in lines if line.strip()), "")
+    head = next((line for line in lines if line.strip()), "")
     problems: list[Problem] = []
-    is_yuma = first.lstrip().startswith("*") or first.strip().lower().startswith("id:")
+    is_yuma = head.lstrip().startswith("*") or head.strip().lower().startswith("id:")
     entries = list((_yuma if is_yuma else _sem)(lines, source, problems))
     orbits: dict[int, Orbit] = {}
     for line, values in entries:
@@ -67,6 +69,10 @@ def read_almanac(path: Path) -> tuple[Orbit, ...]:
             problems.append(Problem(f"{source}:{line}", f"satellite {orbit.number} is there twice"))
         if healthy:
             orbits[orbit.number] = orbit
+            first = next(iter(orbits.values()))
+            if abs(orbit.week - first.week) > _MOST_WEEKS_APART:
+                message = f"satellite {orbit.number} has week {orbit.week}, and satellite {first.number} {first.week}"
+                problems.append(Problem(f"{source}:{line}", message, "the file may be cut off or put together"))
     if not problems and not orbits:
         hint = "YUMA and SEM files of the U.S. Coast Guard are read"
         problems.append(Problem(source, "has no healthy satellite", hint))
@@ -82,7 +88,7 @@ def _number(text: str, name: str, where: str, problems: list[Problem]) -> float 
         value = math.nan
     if not math.isfinite(value) or (name in _WHOLE and value != int(value)):
         kind = "a whole number" if name in _WHOLE else "a number"
-        problems.append(Problem(where, f"{name} must be {kind}, not {text!r}"))
+        problems.append(Problem(where, f"{name} must be {kind}, not {shown(text)}"))
         return None
     return int(value) if name in _WHOLE else value
 
@@ -118,14 +124,12 @@ def _sem(lines: list[str], source: str, problems: list[Problem]) -> Iterator[tup
         hint = "the first line of a SEM file is its number of satellites, the second week and reference time"
         problems.append(Problem(f"{source}:1", "is neither a YUMA nor a SEM almanac", hint))
         return
-    declared = int(rows[0][1][0])
+    declared = int(rows[0][1][0][:5])  # five digits are beyond the limit
     week = _number(rows[1][1][0], "week", f"{source}:{rows[1][0]}", problems)
     toa = _number(rows[1][1][1], "toa_s", f"{source}:{rows[1][0]}", problems)
     if declared > _MOST_SATELLITES or week is None or toa is None:
         if declared > _MOST_SATELLITES:
-            problems.append(
-                Problem(f"{source}:{rows[0][0]}", f"declares {declared} satellites, more than {_MOST_SATELLITES}")
-            )
+            problems.append(Problem(f"{source}:{rows[0][0]}", f"declares more than {_MOST_SATELLITES} satellites"))
         return
     # Of each satellite: number; SVN; URA; e, i, dO/dt; sqrt(A), O, w; M, af0, af1; health; configuration.
     shape = (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from signals.documents.validate import StrictModel
 from sim.gnss.orbit import Orbit
@@ -15,10 +16,21 @@ Seconds = Annotated[float, Field(ge=0.0, le=1e5)]
 Level = Annotated[float, Field(ge=0.0, le=60.0)]  # dB-Hz
 
 
+def _each_once(systems: Sequence[SystemName]) -> Sequence[SystemName]:
+    """Raise ValueError for a system that is there twice: its satellites would count twice."""
+    twice = [name for i, name in enumerate(systems) if name in systems[:i]]
+    if twice:
+        raise ValueError(f"holds {twice[0]!r} twice")
+    return systems
+
+
+Systems = Annotated[tuple[SystemName, ...], Field(min_length=1), AfterValidator(_each_once)]
+
+
 class ReceiverParameters(StrictModel):
     """Figures of a receiver that count with `sky` only; the defaults are typical of a small one."""
 
-    systems: Annotated[tuple[SystemName, ...], Field(min_length=1)] = ("gps", "galileo", "glonass")
+    systems: Systems = ("gps", "galileo", "glonass")
     zenith_cn0_dbhz: Level = 48.0  # of a satellite at the antenna's zenith, in the open
     tracking_dbhz: Level = 22.0  # a signal below is lost
     acquisition_dbhz: Level = 28.0  # a signal is found from here on
@@ -31,6 +43,15 @@ class ReceiverParameters(StrictModel):
     rtk_float_error_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.3
     rtk_start_s: Seconds = 10.0  # from conditions for a fixed solution to the solution
 
+    @model_validator(mode="after")
+    def _keeps_what_it_finds(self) -> Self:
+        if self.acquisition_dbhz < self.tracking_dbhz:
+            raise ValueError(
+                f"acquisition_dbhz {self.acquisition_dbhz:g} is below tracking_dbhz {self.tracking_dbhz:g}: a signal "
+                "between them would be found and lost in turns"
+            )
+        return self
+
 
 class SkyParameters(StrictModel):
     """Option `sky` of a `gps`: satellites on their orbits, seen past the scene."""
@@ -38,7 +59,7 @@ class SkyParameters(StrictModel):
     utc: str | None = None  # time at the start of the run; null: that of the scene's light, else 2026-01-01T12:00:00Z
     almanac: str | None = None  # YUMA or SEM file of GPS, relative to the file that names it
     orbits: tuple[Orbit, ...] = ()  # of GPS; what was read from the almanac
-    systems: Annotated[tuple[SystemName, ...], Field(min_length=1)] | None = None  # null: those of the receiver
+    systems: Systems | None = None  # null: those of the receiver
     gps_satellites: Literal[24, 32] = 32  # of the nominal constellation
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0  # turns the nominal constellations; 0: as published
     elevation_mask_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 5.0

@@ -6,6 +6,7 @@ half way between the object and its image, and comes back from the object or fro
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ def ghost_objects(ghosts: Ghosts, chirp: Chirp, receiver: Receiver) -> list[Ghos
     order = np.lexsort((ghosts.mirror, ghosts.kind, ghosts.instance))
     key = np.stack([ghosts.instance[order], ghosts.kind[order].astype(np.int64), ghosts.mirror[order]], axis=1)
     starts = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1)).tolist()
-    for first, last in zip(starts, [*starts[1:], len(order)], strict=True):
+    for first, last in pairwise([*starts, len(order)]):  # none in a frame without ghosts
         instance, kind, mirror = key[first].tolist()
         some = order[first:last]
         weight, total = power[some], _sum(power[some])

@@ -28,14 +28,19 @@ Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
 Rgb = tuple[Intensity, Intensity, Intensity]
 
 
+_YEARS = range(1981, 2137)  # GPS weeks have 13 bits, and begin in January 1980
+
+
 def time_of(utc: str) -> datetime:
-    """Return a time in ISO 8601. Raises ValueError if it is none, or has no time zone."""
+    """Return a time in ISO 8601. Raises ValueError if it is none, has no time zone, or is out of reach of GPS weeks."""
     try:
         time = datetime.fromisoformat(utc)
     except ValueError:
         time = None
     if time is None or time.tzinfo is None:
         raise ValueError(f"must be a time such as 2026-06-21T10:00:00Z, not {utc!r}")
+    if time.year not in _YEARS:
+        raise ValueError(f"must be in the years {_YEARS[0]} to {_YEARS[-1]}, not {utc!r}")
     return time
 
 

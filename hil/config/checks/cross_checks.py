@@ -20,6 +20,7 @@ from sim.sensors.magnetometer import magnetic_field_W_tesla
 # Below, a compass gives no heading: 0.2 uT of hard iron turn it by 4 degrees, and the mock's estimator rejects a field
 # within 3 degrees of gravity. The World Magnetic Model's own zones: blackout below 2 uT, caution up to 6 uT.
 _LEAST_HORIZONTAL_TESLA = 3.0e-6
+_LEAST_SWEEPS_HZ = 0.5  # times of points are nanoseconds of 32 bits, within 2.147 s of the sweep's end
 
 
 def rate_problem(rate_hz: float, config: BenchConfig) -> str:
@@ -47,6 +48,9 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             report(place, message, "an imu is read at every tick: leave rate_hz out")
         elif message := rate_problem(sensor.rate_hz, config):
             report(place, message)
+        elif sensor.kind == "lidar" and sensor.rate_hz < _LEAST_SWEEPS_HZ:
+            message = f"must be at least {_LEAST_SWEEPS_HZ:g} Hz, not {sensor.rate_hz:g} Hz"
+            report(place, message, "a sweep takes its whole period, and its points state times within 2.1 s")
     for index, key, message in fault_problems(config.faults.sensors, sample_types(config)):
         report(("faults", "sensors", index, key), message)
     if config.ros2.flies and (config.companion.flies or config.manual.device is not None):

@@ -27,6 +27,7 @@ MAX_BYTES = 300_000_000
 _HEIGHT_BYTES = 30  # of a height while it is read
 MAX_CELLS = 160  # of the terrain along a side
 _LEAST_CELL_M = 2.0
+_PIECES = ((273, 279), (324, 325))  # where strips and tiles begin, and their bytes
 _PIXEL_SCALE, _TIE_POINT, _TRANSFORM, _KEYS, _NODATA = 33550, 33922, 34264, 34735, 42113
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8}
 _FORMATS = {3: "H", 4: "I", 8: "h", 9: "i", 11: "f", 12: "d"}
@@ -130,6 +131,9 @@ def read_geotiff(path: Path, budget: Budget | None = None) -> GeoTiff:
     width, height = (_whole(tags.get(key)) for key in (256, 257))
     if width <= 0 or height <= 0:
         raise wrong(f"has {width} x {height} heights")
+    end = _end_of_heights(tags)
+    if end > len(data):
+        raise wrong(f"is cut off: its heights reach to byte {end}, and it has {len(data)}", "copy or write it again")
     budget = budget or Budget(source)
     budget.pixels(width * height, f"{source}, {width} x {height} heights")
     budget.memory(_HEIGHT_BYTES * width * height, f"{source}, {width} x {height} heights")
@@ -184,6 +188,12 @@ def _tags(data: bytes) -> dict:
         elif kind in _FORMATS:
             tags[tag] = struct.unpack(f"{order}{n}{_FORMATS[kind]}", raw)
     return tags
+
+
+def _end_of_heights(tags: dict) -> int:
+    """Return the number of bytes up to the end of the last strip or tile, as far as they are stated."""
+    pieces = (zip(_numbers(tags.get(at)), _numbers(tags.get(size)), strict=False) for at, size in _PIECES)
+    return max((begin + count for piece in pieces for begin, count in piece), default=0)
 
 
 def _numbers(value: object) -> tuple:

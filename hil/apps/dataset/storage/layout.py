@@ -16,7 +16,7 @@ from hil.config.sensors.radar_checks import view_of
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.sensors.simulated_sensors import transform
 from signals.classes import Classes
-from signals.samples import CHANNEL_UNITS, RADAR_UNITS
+from signals.samples import CHANNEL_UNITS, RADAR_UNITS, SkySample
 from sim.frame.mount import Mount
 from sim.sensors.catalog import KINDS, PRESETS
 from sim.sensors.radar_parameters import RadarParameters
@@ -47,11 +47,26 @@ def headers(plan: DatasetPlan) -> dict[str, str]:
     lines |= {other_truth(name): euroc.TRUTH_HEADER for name in plan.other_vehicles}
     for name, sensor in plan.flight_sensors.items():
         lines[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
+    lines |= dict.fromkeys(_skies(plan).values(), HEADERS[SkySample])
     for name, sensor in plan.frame_sensors.items():
         parts = KINDS[sensor.kind].parts
         for channel in getattr(sensor.parameters, parts) if parts else ("",):
             lines[plan.folder(name, channel)] = euroc.FILE_HEADER
     return lines
+
+
+def flight_folders(plan: DatasetPlan) -> dict[str, str]:
+    """Return the folder in mav0 of each port whose samples are taken in the flight."""
+    return {name: plan.folder(name) for name in plan.flight_sensors} | _skies(plan)
+
+
+def _skies(plan: DatasetPlan) -> dict[str, str]:
+    """Return the folder of the sky of each GPS that sees it, by its port."""
+    return {
+        f"{name}/sky": f"sky{plan.numbers[name]}"
+        for name, sensor in plan.flight_sensors.items()
+        if getattr(sensor.parameters, "sky", None) is not None
+    }
 
 
 def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:

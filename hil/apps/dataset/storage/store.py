@@ -10,7 +10,7 @@ from hil.apps.dataset.formats.coco import CocoPicture
 from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import Journal
-from hil.apps.dataset.storage.layout import flight_mounts, headers
+from hil.apps.dataset.storage.layout import flight_folders, flight_mounts, headers
 from hil.apps.dataset.storage.manifest import BENCH_NAME
 from hil.apps.dataset.storage.recording import DatasetRecording
 from hil.apps.dataset.storage.tables import Checkpoints, Tables
@@ -36,7 +36,7 @@ class DatasetStore:
         `bench` is the saved bench file of the recorded vehicle, attached to the recording. Raises RecordingError if a
         file cannot be written.
         """
-        tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
+        tables = Tables(root, headers(plan), flight_folders(plan))
         journal = Journal(root / JOURNAL)
         metadata = {"scene": plan.bench.scene.name, "seed": str(plan.config.seed), "quality": plan.quality}
         if plan.vehicle:

@@ -34,6 +34,7 @@ from signals.samples import (
     OdometrySample,
     RangeSample,
     ScalarSample,
+    SkySample,
     VaneSample,
 )
 
@@ -51,6 +52,10 @@ ODOMETRY_HEADER = (
     "#timestamp [ns],p_OB_O_x [m],p_OB_O_y [m],p_OB_O_z [m],q_OB_w [],q_OB_x [],q_OB_y [],q_OB_z [],"
     "v_OB_B_x [m s^-1],v_OB_B_y [m s^-1],v_OB_B_z [m s^-1]"
 )
+SKY_HEADER = (
+    "#timestamp [ns],hdop [],vdop [],pdop [],in_view [],visible [],used [],reflected [],mean_cn0 [dB-Hz],jamming [dB],"
+    "spoofed [],shift_x [m],shift_y [m],shift_z [m]"
+)
 
 HEADERS: Mapping[type, str] = {
     ImuSample: euroc.IMU_HEADER,
@@ -63,6 +68,7 @@ HEADERS: Mapping[type, str] = {
     ScalarSample: SCALAR_HEADER,
     FlowSample: FLOW_HEADER,
     OdometrySample: ODOMETRY_HEADER,
+    SkySample: SKY_HEADER,
 }
 
 COLUMNS: Mapping[type, euroc.TableColumns] = {
@@ -76,6 +82,10 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
     ScalarSample: ("value",),
     FlowSample: ("integration_ns", "flow_rad", "quality"),
     OdometrySample: ("p_OB", "q_OB", "v_OB_B"),
+    SkySample: (
+        *("hdop", "vdop", "pdop", "in_view", "visible", "used", "reflected", "mean_cn0_dbhz", "jamming_db", "spoofed"),
+        "shift_W_m",
+    ),
 }
 
 
@@ -112,6 +122,8 @@ class Table:
         for name in names:
             if isinstance(name, str):
                 array = columns[name]
+                if array.dtype == bool:
+                    array = array.astype("u1")  # 0 or 1
                 texts += [map(repr, column.tolist()) for column in (array.T if array.ndim == 2 else [array])]
             else:
                 texts.append(repeat(",".join(map(repr, name))))
@@ -125,7 +137,7 @@ class Tables:
     def __init__(self, root: Path, headers: Mapping[str, str], flight_folders: Mapping[str, str]) -> None:
         """Delete the tables of an earlier attempt. Raises RecordingError.
 
-        `headers` maps a folder in mav0 to its table's first line, `flight_folders` a flight sensor to its folder.
+        `headers` maps a folder in mav0 to its table's first line, `flight_folders` a port of the flight to its folder.
         """
         self._root = root
         self._flight_folders = flight_folders

@@ -283,6 +283,8 @@ class _District:
         for kind, material, shape in reversed(made):
             for part in parts(shape):
                 self._flat(kind, f"osm_{material}", part, GROUNDS[material].tile_m, _LIFT_M)
+            if material == "water" and shape.intersects(shapely.Point(0.0, 0.0)):
+                self._notes["area of water is at the take-off place, and the ground below carries the vehicle"] += 1
         self._markings(box)
 
     def _ways(self) -> list[tuple[str, str, Any]]:

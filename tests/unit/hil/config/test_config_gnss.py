@@ -9,6 +9,9 @@ import pytest
 from hil.config import load_bench
 from hil.config.saved import save_bench
 from signals.errors import ConfigError
+from sim.gnss.constellations import nominal_orbits
+from sim.gnss.gps_time import gps_seconds
+from sim.scene.light import time_of
 
 ALMANAC = """ID:                         05
 Health:                     000
@@ -78,3 +81,32 @@ def test_transmitters_need_a_sky(tmp_path: Path, kind: str) -> None:
     assert f"bench.yaml:7: faults.sensors[0].kind is '{kind}', and 'gps' does not see the scene" in said
     assert "power_dbm" in refused(tmp_path, "{}", faults.replace("power_dbm: 10", "power_dbm: 1000"))
     assert "only a gps hears transmitters" in refused(tmp_path, "{}", faults.replace("sensor: gps", "sensor: baro"))
+
+
+def test_a_system_counts_once(tmp_path: Path) -> None:
+    assert "sensors.gps.sky.systems: holds 'gps' twice" in refused(tmp_path, "{systems: [gps, galileo, gps]}")
+
+
+def test_what_is_found_is_kept(tmp_path: Path) -> None:
+    """A limit of finding below that of keeping would lose and find a signal in turns."""
+    text = refused(tmp_path, "{}, tracking_dbhz: 50, acquisition_dbhz: 10")
+    assert "acquisition_dbhz 10 is below tracking_dbhz 50" in text
+
+
+def test_a_key_of_another_kind_of_fault_is_not_meant(tmp_path: Path) -> None:
+    """`capture_db` is a spoofer's: a jammer was asked whether it means capture_db."""
+    jammer = "{kind: jammer, sensor: gps, at_s: 1, place_m: [0, 0, 2], power_dbm: 0, capture_db: 6}"
+    text = refused(tmp_path, "{}", f"faults: {{sensors: [{jammer}]}}\n")
+    assert "capture_db: unknown key (known: sensor, at_s, until_s, kind" in text
+
+
+@pytest.mark.parametrize("utc", ["1700-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00", "9999-12-31T23:59:59-14:00"])
+def test_a_time_without_a_week_is_refused(tmp_path: Path, utc: str) -> None:
+    """Such a time passed the check and ended the flight."""
+    assert "sensors.gps.sky.utc: must be in the years 1981 to 2136" in refused(tmp_path, f'{{utc: "{utc}"}}')
+
+
+@pytest.mark.parametrize("utc", ["1981-01-01T00:00:00+14:00", "2136-12-31T23:59:59-14:00"])
+def test_the_first_and_the_last_time_have_satellites(utc: str) -> None:
+    orbits = nominal_orbits(["gps"], start_s=gps_seconds(time_of(utc)), gps_satellites=32, seed=0)
+    assert len(orbits) == 32

@@ -75,6 +75,10 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("seed: -1\n", "b.yaml:1: seed must be at least 0, not -1"),
         ("\ntick_hz: 99\n", "b.yaml:2: tick_hz must be at least 100 Hz, not 99"),
         ("tick_hz: 1001\n", "b.yaml:1: tick_hz must be at most 1000 Hz, not 1001"),
+        ("sensors:\n  lidar: {preset: vlp16, rate_hz: 0.4}\n",
+         "b.yaml:2: sensors.lidar.rate_hz must be at least 0.5 Hz, not 0.4 Hz "
+         "(a sweep takes its whole period, and its points state times within 2.1 s)"),
+        (f"seed: {2**63}\n", f"b.yaml:1: seed must be at most {2**63 - 1}, not {2**63}"),
         (
             "tick_hz: 300\n",
             "b.yaml:1: tick_hz: 300 Hz is not a whole number of nanoseconds per tick; the nearest that is: 320 Hz",

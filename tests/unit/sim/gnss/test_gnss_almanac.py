@@ -101,12 +101,23 @@ def test_a_bad_line_is_named(tmp_path: Path) -> None:
     assert problems(tmp_path, YUMA + YUMA)[0] == "31: satellite 1 is there twice"
 
 
+def test_a_file_cut_off_within_the_last_week_is_refused(tmp_path: Path) -> None:
+    """A week of fewer digits is another year, and its satellite would be anywhere."""
+    both = YUMA.replace("Health:                     063", "Health:                     000")
+    whole = both.rstrip()
+    path = tmp_path / "whole.alm"
+    path.write_text(whole)
+    assert len(read_almanac(path)) == 2
+    assert problems(tmp_path, whole[:-1])[0] == "17: satellite 2 has week 32, and satellite 1 320"
+
+
 def test_a_bad_sem_file_is_named(tmp_path: Path) -> None:
     assert problems(tmp_path, SEM.replace("2  CURRENT", "3  CURRENT"))[0].startswith("20: ends after 16 lines")
     bad = SEM.replace(" 5.1536000000E+03 -5.0000000000E-01  2.5", " 5.1536000000E+03  2.5", 1)
     assert problems(tmp_path, bad)[0] == "8: must have 3 numbers, not 2"
     assert problems(tmp_path, "hello\nworld\n")[0] == "1: is neither a YUMA nor a SEM almanac"
     assert problems(tmp_path, "")[0].endswith("is neither a YUMA nor a SEM almanac")
+    assert problems(tmp_path, "9" * 5000 + " X\n100 405504\n")[0] == "1: declares more than 63 satellites"
     with pytest.raises(ConfigError):
         read_almanac(tmp_path / "absent.alm")
 

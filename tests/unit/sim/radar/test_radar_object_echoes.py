@@ -14,6 +14,9 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
+from sim.radar.echoes import Echoes
+from sim.radar.ghost_echoes import Ghosts
+from sim.radar.ghost_objects import ghost_objects
 from sim.radar.mask import Mask
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
 from sim.radar.receiver import Receiver
@@ -86,3 +89,11 @@ def test_mask_and_hidden_objects_have_no_row(tmp_path: Path) -> None:
 def test_an_empty_picture_has_no_objects(tmp_path: Path) -> None:
     behind = '<body name="behind" pos="-5 0 0"><geom size=".3" material="m"/></body>'
     assert objects_in(world_of(tmp_path, behind, LAMBERT)) == {}
+
+
+def test_a_frame_without_ghosts_has_no_labels_of_ghosts() -> None:
+    """High above all mirrors a radar with bounces finds none, and a data set goes on."""
+    none = np.empty(0)
+    ids = np.empty(0, np.int64)
+    ghosts = Ghosts(Echoes(none, none, np.empty((0, 3)), none, np.empty((0, 3))), np.empty(0, np.uint8), ids, ids)
+    assert ghost_objects(ghosts, CHIRP, RECEIVER) == []

@@ -95,7 +95,7 @@ class Gate:
 
     @property
     def waits_for_clients(self) -> bool:
-        """Whether clients have not got the last text."""
+        """True while clients have not got the last text."""
         return bool(self._waiting)
 
     def close(self, limit_s: float) -> None:

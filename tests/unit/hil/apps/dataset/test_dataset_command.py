@@ -232,6 +232,18 @@ def test_times_rise_and_fit_together(whole: Path) -> None:
     assert np.diff(truth).tolist() == [10_000_000] * (len(truth) - 1)
 
 
+def test_the_sky_of_a_gps_has_a_table(tmp_path: Path) -> None:
+    """With rain and a radar with bounces besides, which has no ghost in the first frames."""
+    settings = ("sensors.gps.sky={}", "sensors.radar.bounces={}", "weather.rain_mm_per_h=20")
+    make_dataset(tiny_plan(tmp_path / "bench", frames=4, settings=settings), tmp_path / "set", inline())
+    head = (tmp_path / "set/mav0/sky0/data.csv").read_text().splitlines()[0]
+    sky, gps = (table(tmp_path / f"set/mav0/{folder}/data.csv") for folder in ("sky0", "gps0"))
+    used, spoofed = (head.split(",").index(f"{name} []") for name in ("used", "spoofed"))
+    assert [(row[0], row[used], row[spoofed]) for row in sky] == [(row[0], row[-1], "0") for row in gps]
+    assert {len(row) for row in sky} == {len(head.split(","))}
+    assert "mav0/sky0/data.csv" in (tmp_path / "set/checksums.csv").read_text()
+
+
 def test_every_file_in_a_table_is_there_and_no_other(whole: Path) -> None:
     for path in whole.glob("mav0/*/data"):
         assert [row[1] for row in table(path.parent / "data.csv")] == sorted(os.listdir(path)), path

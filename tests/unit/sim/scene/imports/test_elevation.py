@@ -87,6 +87,20 @@ def test_a_quarter_on_a_slope(tmp_path: Path) -> None:
     assert model.body_pos[house][2] == pytest.approx(model.body_pos[house][0] / 20.0, abs=0.6)
 
 
+def test_a_file_without_its_last_heights_is_cut_off(tmp_path: Path) -> None:
+    """Writers such as GDAL put the heights behind the tags, so that the tags of a cut file are whole."""
+    ifd = 8
+    tags = [(256, 3, 4), (257, 3, 4), (258, 3, 32), (273, 4, 8 + 2 + 12 * 5 + 4), (279, 4, 64)]
+    rows = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
+    whole = b"II*\0" + struct.pack("<IH", ifd, len(tags)) + rows + bytes(4) + bytes(64)
+    (tmp_path / "dem.tif").write_bytes(whole)
+    with pytest.raises(ConfigError, match="has no place on Earth"):
+        read_geotiff(tmp_path / "dem.tif")
+    (tmp_path / "dem.tif").write_bytes(whole[:-1])
+    with pytest.raises(ConfigError, match=r"dem\.tif: is cut off: its heights reach to byte 138, and it has 137"):
+        read_geotiff(tmp_path / "dem.tif")
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [

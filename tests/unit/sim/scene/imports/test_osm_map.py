@@ -222,6 +222,15 @@ def test_repaired_and_dropped_shapes_are_counted(tmp_path: Path) -> None:
         assert part in notes
 
 
+def test_water_at_the_take_off_place_is_told(tmp_path: Path) -> None:
+    """Only the ground is solid, so that a vehicle stands in a lake; a lake beside it is nothing to tell."""
+    for x, told in ((0.0, True), (30.0, False)):
+        out = _Extract()
+        out.ring(square(x, 0, 20, 20), natural="water")
+        out.ring(square(0, 60, 5, 5), building="yes", height="6")
+        assert any("water is at the take-off place" in note for note in world_of(tmp_path, out.xml()).map.notes) == told
+
+
 ENTITIES = """<?xml version="1.0"?><!DOCTYPE osm [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
 <osm version="0.6"><node id="1" lat="1" lon="2"><tag k="name" v="&b;"/></node></osm>"""
 BAD = {
