@@ -160,7 +160,7 @@ class GhostEchoes:
         coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
         self._coarse_R = _columns(directions(coarse, self._spacing_rad * _COARSE))
         # Neighbours of each cell in eight rows; -1, where there is none, is the last element, which callers append.
-        around = CellIndex(coarse, int(np.abs(coarse).max(initial=0))).neighbours(coarse)
+        around = CellIndex(coarse).neighbours(coarse)
         self._coarse_around = np.ascontiguousarray(around.T)
         self._fine = children(coarse)
         self._fine_R = _columns(directions(self._fine, self._spacing_rad))
@@ -185,8 +185,13 @@ class GhostEchoes:
 
     def _share(self, direction_R: Float64) -> Float64:
         """Return the greater gain of a transmitter or receiver relative to the axis; 0 outside the mask's angles."""
-        share = np.maximum(self._antenna.tx.share(direction_R), self._antenna.rx.share(direction_R))
+        share = np.maximum(*self._shares(direction_R))
         return np.where(self._mask.in_window(direction_R), share, 0.0)
+
+    def _shares(self, direction_R: Float64) -> tuple[Float64, Float64]:
+        """Return the gains of transmitter and receiver relative to the axis."""
+        tx = self._antenna.tx.share(direction_R)
+        return tx, tx if self._antenna.rx == self._antenna.tx else self._antenna.rx.share(direction_R)
 
     def _cast(self, origins_W: Vectors, ways_W: Vectors, limit_m: float) -> _Hits:
         """Return what rays meet; `origins_W`: (3, n), or (3, 1) for all."""
@@ -202,7 +207,7 @@ class GhostEchoes:
         """Return g^2; 0 for what is no mirror, or one below the floor. `share`: the antenna's gain."""
         power = np.zeros(len(hits.geom))
         some = np.flatnonzero(self._mirror_at[hits.geom])
-        cosine = -_dot(hits.normal[:, some], ways_W[:, some])
+        cosine = -_dot(hits.normal, ways_W)[some]
         found = self._reflection.mirror_power(self._surface[hits.geom[some]], cosine)
         found[found * share[some] < self._floor] = 0.0
         power[some] = found
@@ -256,17 +261,20 @@ class GhostEchoes:
 
     def _in_plane(self, fine: Cells, some: Ids, ways_W: Vectors, hits: _Hits) -> NDArray[np.bool_]:
         """Return True where two or more of the eight neighbours are in the plane of the facet."""
-        index = CellIndex(fine, int(np.abs(fine).max(initial=0)))
-        around = index.neighbours(fine[some])
+        around = CellIndex(fine).neighbours(fine[some])
         reach = np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)
         place = reach * ways_W
         agree = np.zeros(len(some), np.int64)
         n = hits.normal[:, some]
         offset = _dot(n, place[:, some])
-        for column in around.T:
-            there = hits.normal[:, column]
-            same = (_dot(n, there) > _SAME_NORMAL) & (np.abs(_dot(n, place[:, column]) - offset) < _SAME_PLANE_M)
-            agree += same & (column >= 0)
+        left = np.arange(len(some))  # that have fewer than two so far
+        for row in around.T:
+            at = left[row[left] >= 0]
+            beside, facet = row[at], n[:, at]
+            same = _dot(facet, hits.normal[:, beside]) > _SAME_NORMAL
+            same &= np.abs(_dot(facet, place[:, beside]) - offset[at]) < _SAME_PLANE_M
+            agree[at] += same
+            left = left[agree[left] < 2]
         return agree >= 2
 
     def _bent(
@@ -305,11 +313,11 @@ class GhostEchoes:
             return None
         wanted = rays.cell[few]
         around = (wanted[:, None, :] + _AROUND[None, :, :]).reshape(-1, 2)
-        reach = int(np.abs(rays.cell).max()) + 2
-        marked = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
-        marked[around[:, 0] + reach, around[:, 1] + reach] = True
-        split = np.argwhere(marked) - reach
-        return split, np.flatnonzero(~marked[rays.cell[:, 0] + reach, rays.cell[:, 1] + reach])
+        first = np.minimum(around.min(axis=0), rays.cell.min(axis=0))
+        marked = np.zeros(np.maximum(around.max(axis=0), rays.cell.max(axis=0)) - first + 1, np.bool_)
+        marked[around[:, 0] - first[0], around[:, 1] - first[1]] = True
+        split = np.argwhere(marked) + first
+        return split, np.flatnonzero(~marked[rays.cell[:, 0] - first[0], rays.cell[:, 1] - first[1]])
 
     def _finer(self, p_W: Vec3, axes: Float64, split: Cells) -> _Rays:
         """Return the rays of the divided cells."""
@@ -332,7 +340,7 @@ class GhostEchoes:
         v_W = pose.v_WC_W
         image_mps = found.speed_mps - _along(rays.way_W, v_W)
         way_R = _turned_back(rays.way_W, axes)
-        tx, rx = self._antenna.tx.share(way_R), self._antenna.rx.share(way_R)
+        tx, rx = self._shares(way_R)
         kept = cos_in > _LEAST_COSINE
         if self._class_kept is not None:
             kept &= self._class_kept[self._class[found.geom]] > 0
@@ -352,7 +360,7 @@ class GhostEchoes:
         direct_W = bent_place / np.maximum(direct_m, _TOUCH_M)
         cos_out = -_dot(found.normal, direct_W)
         direct_R = _turned_back(direct_W, axes)
-        tx_direct, rx_direct = self._antenna.tx.share(direct_R), self._antenna.rx.share(direct_R)
+        tx_direct, rx_direct = self._shares(direct_R)
         out_share, back_share = tx * rx_direct, tx_direct * rx
         kept &= (cos_out > _LEAST_COSINE) & (np.maximum(out_share, back_share) >= PATTERN_FLOOR)
         kept &= self._mask.in_window(direct_R)
