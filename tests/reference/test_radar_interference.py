@@ -148,7 +148,8 @@ def energy_of_line(power: NDArray[np.float32]) -> float:
     """Return the power of the strongest line from all of its bins.
 
     A line between bins is up to 1.4 dB lower in each dimension, but by Parseval the sum over its bins is always its
-    power times the windows' equivalent noise bandwidths, N sum w^2 / (sum w)^2 bins (Harris, Proc. IEEE 66, 1978, p. 54).
+    power times the windows' equivalent noise bandwidths, N sum w^2 / (sum w)^2 bins (Harris, Proc. IEEE 66, 1978,
+    p. 54).
     """
     row, column = np.unravel_index(int(power.argmax()), power.shape)
     rows = (int(row) + np.arange(-4, 5)) % power.shape[0]
