@@ -7,8 +7,8 @@ its UUID. With the deviations of range, azimuth and elevation, and the unit vect
     position_covariance = s_r^2 d d' + (r cos(elevation) s_a)^2 a a' + (r s_e)^2 e e'
     velocity_covariance = s_v^2 d d'            across d a radar measures no speed
 
-Acceleration and size are not tracked: zeros. A RadarTrack has 212 bytes and doubles aligned to 8, so its distance to the
-next one depends on where it is in the message (cdr.py).
+Acceleration and size are not tracked: zeros. A RadarTrack has 212 bytes and doubles aligned to 8, so its distance to
+the next one depends on where it is in the message (cdr.py).
 """
 
 from __future__ import annotations
