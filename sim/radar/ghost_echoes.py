@@ -65,6 +65,7 @@ KINDS = ("direct", "both ways", "out", "back")
 _FLAT_SHAPES = (0, 6)  # MuJoCo's plane and box
 _FACETED_SHAPES = (1, 7)  # height field and mesh: flat where neighbours are in one plane
 _COARSE = 3  # coarse spacing, in spacings
+_GROUPS = 2  # of rays by their reach
 _FEW_RAYS = 64  # an instance with fewer rays is traced at a third of the spacing
 _THIN_M, _WIDE_M = 0.05, 0.5  # half the thickness and width of a mesh that is one flat slab, such as a path
 _LIFT_M = 5e-4  # of reflected rays off their mirror
@@ -291,7 +292,7 @@ class GhostEchoes:
         n = hits.normal
         bent = way_W - 2.0 * _dot(way_W, n) * n
         origin = _at(p_W) + hits.range_m * way_W + _LIFT_M * n
-        found = self._cast(origin, bent, self._limit_m)
+        found = self._cast_within(origin, bent, self._reach_m(hits.range_m, _dot(way_W, bent)))
         keep = self._echoes_at[found.geom]
         if assumed is not None:
             check = np.flatnonzero(keep & assumed)
@@ -303,6 +304,29 @@ class GhostEchoes:
             cells[kept], np.full(len(kept), spacing_rad * spacing_rad), way_W[:, kept], hits.range_m[kept],
             hits.geom[kept], power[kept], bent[:, kept], found.of(kept),
         )  # fmt: skip
+
+    def _reach_m(self, first_m: Float64, cosine: Float64) -> Float64:
+        """Return |BP| beyond which no path is within the limit L: (|OB| + |BP| + |OP|) / 2 <= L.
+
+        By the law of cosines |BP| <= 2 L (L - |OB|) / (2 L - |OB| (1 - cos)), cos between d_B and the bent ray.
+        """
+        limit_m = self._limit_m
+        return np.asarray(2.0 * limit_m * (limit_m - first_m) / (2.0 * limit_m - first_m * (1.0 - cosine)))
+
+    def _cast_within(self, origins_W: Vectors, ways_W: Vectors, reach_m: Float64) -> _Hits:
+        """Return what rays meet within the reach of each, in groups of similar reaches."""
+        n = len(reach_m)
+        hits = _Hits(np.full(n, np.inf), np.full(n, -1), np.zeros((3, n)), np.zeros(n))
+        group = np.minimum((reach_m * (_GROUPS / self._limit_m)).astype(np.int64), _GROUPS - 1)
+        for k in range(_GROUPS):
+            some = np.flatnonzero(group == k)
+            if not len(some):
+                continue
+            cast = self._cast(origins_W[:, some], ways_W[:, some], self._limit_m * ((k + 1) / _GROUPS))
+            hits.range_m[some], hits.geom[some], hits.speed_mps[some] = cast.range_m, cast.geom, cast.speed_mps
+            hits.normal[:, some] = cast.normal
+        hits.geom[hits.range_m > reach_m] = -1
+        return hits
 
     def _of_few(self, rays: _Rays) -> tuple[Cells, Ids] | None:
         """Return the cells to be divided, and which rays remain; None: no instance has few rays."""
