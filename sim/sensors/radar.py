@@ -31,7 +31,7 @@ from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.coupling import couple
-from sim.radar.element_cuts import ChannelsReport, ElementSynthesizer
+from sim.radar.element_synthesis import ChannelsReport, ElementSynthesizer
 from sim.radar.ghost_echoes import GhostEchoes, Ghosts
 from sim.radar.ghost_objects import GhostEcho, ghost_objects
 from sim.radar.interference import Transmission

@@ -11,7 +11,8 @@ import pytest
 from sim.radar.antenna import Antenna, Pattern
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
-from sim.radar.element_cuts import ElementCuts, ElementSynthesizer
+from sim.radar.element_cuts import ElementCuts
+from sim.radar.element_synthesis import ElementSynthesizer
 from sim.radar.synthesis import Synthesizer
 
 PATTERN = Pattern(gain_dbi=10.0, azimuth_beamwidth_deg=56.0, elevation_beamwidth_deg=28.0)

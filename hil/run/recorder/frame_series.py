@@ -239,7 +239,9 @@ class FrameSeries:
                 self._add_raw(file, sample, log_ns, array)
             elif array.dtype.names:
                 self._add_records(file, sample, log_ns, name, array)
-                self._add_radar_message(file, sample, log_ns, RADAR_MESSAGES[name], array)
+                message = RADAR_MESSAGES.get(name)
+                if message is not None and message.fields <= set(array.dtype.names):
+                    self._add_radar_message(file, sample, log_ns, message, array)
             else:
                 self._add_image(file, sample, log_ns, name, array)
 

@@ -19,6 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _RETURN = ("range_m", "azimuth_rad", "elevation_rad", "speed_mps", "snr_db")
+_TRACK = (
+    "id", "p_R_m", "v_R_mps", "range_m", "azimuth_rad", "elevation_rad", "range_std_m", "azimuth_std_rad",
+    "elevation_std_rad", "speed_std_mps",
+)  # fmt: skip
 _UUID_BYTES = 16
 _POINT_ALIGNMENT = 8
 
@@ -30,10 +34,11 @@ class RadarMessage(NamedTuple):
     topic: str
     type_name: str
     sequence: str  # field of the elements, the last of the message
+    fields: frozenset[str]  # of a record
 
 
-SCAN = RadarMessage("points", "radar_scan", "radar_msgs/RadarScan", "returns")
-TRACKS = RadarMessage("tracks", "radar_tracks", "radar_msgs/RadarTracks", "tracks")
+SCAN = RadarMessage("points", "radar_scan", "radar_msgs/RadarScan", "returns", frozenset(_RETURN))
+TRACKS = RadarMessage("tracks", "radar_tracks", "radar_msgs/RadarTracks", "tracks", frozenset(_TRACK))
 RADAR_MESSAGES = {message.output: message for message in (SCAN, TRACKS)}
 
 
