@@ -18,6 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from signals._kernel import det_cos, det_sin
+
 _RETURN = ("range_m", "azimuth_rad", "elevation_rad", "speed_mps", "snr_db")
 _TRACK = (
     "id", "p_R_m", "v_R_mps", "range_m", "azimuth_rad", "elevation_rad", "range_std_m", "azimuth_std_rad",
@@ -28,7 +30,7 @@ _POINT_ALIGNMENT = 8
 
 
 class RadarMessage(NamedTuple):
-    """How an output of a radar is sent a second time."""
+    """Message of radar_msgs that has an output of a radar."""
 
     output: str
     topic: str
@@ -72,7 +74,7 @@ def _tracks(records: NDArray[Any], start: int) -> bytes:
 def _covariances(record: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the upper triangles of position and velocity."""
     azimuth, elevation, r = (float(record[name]) for name in ("azimuth_rad", "elevation_rad", "range_m"))
-    (ca, sa), (ce, se) = ((np.cos(x), np.sin(x)) for x in (azimuth, elevation))
+    (ca, sa), (ce, se) = ((det_cos(x), det_sin(x)) for x in (azimuth, elevation))
     along, left, up = np.array([ce * ca, ce * sa, se]), np.array([-sa, ca, 0.0]), np.array([-se * ca, -se * sa, ce])
     d = np.outer(along, along)
     position = float(record["range_std_m"]) ** 2 * d
