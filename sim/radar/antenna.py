@@ -8,7 +8,7 @@ elevation:
 
 In either principal plane the gain is a power of the cosine, and half of G_0 at half the beamwidth off the axis. This is
 the main lobe of a small patch antenna, without side lobes; measured cuts have them (antenna_cut.py). All receivers have
-the same pattern, and all transmitters.
+the same pattern, and all transmitters, but for differences of single ones (element_cuts.py).
 
 A pair of transmitter p and receiver k is a channel of the virtual array, at t_p + r_k (Richards, Fundamentals of Radar
 Signal Processing, 2nd ed., sec. 9.8). Several transmitters are told apart
@@ -35,6 +35,7 @@ from sim._kernels import azimuth_elevation, cosine_pattern
 from sim.radar import antenna_cut
 from sim.radar.antenna_cut import Cut
 from sim.radar.chirp import Chirp
+from sim.radar.element_cuts import ElementCuts
 from sim.radar.synthesis import MAX_RECEIVERS, MAX_TRANSMITTERS, ORIGIN
 from sim.radar.virtual_array import VirtualArray
 
@@ -104,6 +105,9 @@ class Antenna(StrictModel):
     tx: Pattern
     rx: Pattern
     tx_positions_m: tuple[Vec3, ...] = (ORIGIN,)  # in R, in the order in which they transmit
+    # Differences of single transmitters and receivers to `tx` and `rx`, in the order of their positions.
+    tx_cuts: tuple[ElementCuts, ...] | None = None
+    rx_cuts: tuple[ElementCuts, ...] | None = None
     mimo: Literal["tdm", "ddm"] = "tdm"
     doppler_bands: Annotated[int, Field(ge=2, le=32)] | None = None  # with ddm; null: the number of transmitters
     # Greatest angles off the axis at which directions are to be unambiguous: azimuth, elevation. Null: not checked.
@@ -128,6 +132,23 @@ class Antenna(StrictModel):
                 f"doppler_bands {self.doppler_bands} are fewer than {len(self.tx_positions_m)} transmitters"
             )
         return self
+
+    @model_validator(mode="after")
+    def _cuts_fit(self) -> Antenna:
+        for name, cuts, places in (
+            ("tx_cuts", self.tx_cuts, self.tx_positions_m),
+            ("rx_cuts", self.rx_cuts, self.rx_positions_m),
+        ):
+            if cuts is not None and len(cuts) != len(places):
+                raise ValueError(f"{name} has {len(cuts)} elements; {name[:2]}_positions_m has {len(places)}")
+            if cuts is not None and self.mimo == "ddm" and len(self.tx_positions_m) > 1:
+                raise ValueError(f"{name} is for transmitters that take turns, not for mimo: ddm")
+        return self
+
+    @property
+    def elements_differ(self) -> bool:
+        """True if single transmitters or receivers have cuts of their own."""
+        return self.tx_cuts is not None or self.rx_cuts is not None
 
     @property
     def array(self) -> VirtualArray:

@@ -34,6 +34,9 @@ class Board(StrictModel):
     adc_start_s: _Seconds
     excess_s: _Seconds = 1e-6
     min_idle_s: _Seconds
+    min_repetition_s: _Seconds = 0.0  # of chirps
+    # Bands of the oscillators, each of which covers a ramp alone; empty: all of `band_hz` is one.
+    oscillator_bands_hz: tuple[tuple[_Frequency, _Frequency], ...] = ()
     max_chirps: Annotated[int, Field(ge=2, le=1 << 20)]  # of a frame
     max_capture_bps: Annotated[float, Field(gt=0.0, le=1e12)]  # samples of 16 bits from the capture card
     tx_numbers: Annotated[tuple[_Number, ...], Field(min_length=1)] = tuple(range(1, 13))  # as they transmit, by name
@@ -73,6 +76,14 @@ class Board(StrictModel):
                 f"{1e6 * self.adc_start_s:g} us before the first sample and {1e6 * self.excess_s:g} us after the last "
                 f"included; the board's band is {self.band_hz[0] / 1e9:g} to {self.band_hz[1] / 1e9:g} GHz"
             )
+        elif self.oscillator_bands_hz and not any(
+            low / _SLACK <= first_hz and last_hz <= high * _SLACK for low, high in self.oscillator_bands_hz
+        ):
+            bands = " or ".join(f"{low / 1e9:g} to {high / 1e9:g}" for low, high in self.oscillator_bands_hz)
+            problems.append(
+                f"bandwidth_hz: the ramp runs from {first_hz / 1e9:.6g} to {last_hz / 1e9:.6g} GHz, and one oscillator "
+                f"of the board covers {bands} GHz"
+            )
         if chirp.slope_hz_per_s > self.max_slope_hz_per_s * _SLACK:
             problems.append(
                 f"bandwidth_hz: a slope of {chirp.slope_hz_per_s * 1e-12:.4g} MHz/us; the board's limit is "
@@ -88,6 +99,11 @@ class Board(StrictModel):
             problems.append(
                 f"repetition_s: {1e6 * chirp.repetition_s:.6g} us leave {1e6 * self.idle_s(chirp):.4g} us between "
                 f"ramps of {1e6 * self.ramp_s(chirp):.6g} us; the board needs {1e6 * self.min_idle_s:g} us"
+            )
+        if chirp.repetition_s < self.min_repetition_s / _SLACK:
+            problems.append(
+                f"repetition_s: {1e6 * chirp.repetition_s:.6g} us; the board's limit is "
+                f"{1e6 * self.min_repetition_s:g} us"
             )
         if chirp.chirps > self.max_chirps:
             problems.append(f"chirps: {chirp.chirps} in a frame; the board's limit is {self.max_chirps}")

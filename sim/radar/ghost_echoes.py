@@ -22,13 +22,16 @@ the spacing; the images of instances of few rays, at a third of it. Left out, wi
 * mirrors that move, and paths by more than one mirror and one other surface;
 * mean ranges beyond the mask's range or the chirp's unambiguous one.
 
+Vectors of many rays are (3, n), one row for each axis: numpy runs over rows of n, not of 3.
+
 Phases: a ghost's points are not the pixels of its object, so the object and its ghosts do not interfere with certain
 phases; powers add. The phase of Gamma is left out.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +56,7 @@ from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import PATTERN_FLOOR, amplitude_scale
 
 Float64 = NDArray[np.float64]
+Vectors = NDArray[np.float64]  # (3, n)
 Ids = NDArray[np.int64]
 
 BOTH, OUT, BACK = 1, 2, 3  # kinds of paths
@@ -61,6 +65,7 @@ KINDS = ("direct", "both ways", "out", "back")
 _FLAT_SHAPES = (0, 6)  # MuJoCo's plane and box
 _FACETED_SHAPES = (1, 7)  # height field and mesh: flat where neighbours are in one plane
 _COARSE = 3  # coarse spacing, in spacings
+_GROUPS = 2  # of rays by their reach
 _FEW_RAYS = 64  # an instance with fewer rays is traced at a third of the spacing
 _THIN_M, _WIDE_M = 0.05, 0.5  # half the thickness and width of a mesh that is one flat slab, such as a path
 _LIFT_M = 5e-4  # of reflected rays off their mirror
@@ -89,11 +94,11 @@ class _Hits:
 
     range_m: Float64
     geom: Ids
-    normal: Float64  # (n, 3), against the ray
+    normal: Vectors  # against the ray
     speed_mps: Float64  # of the surface along the ray
 
-    def of(self, some: NDArray[np.bool_]) -> _Hits:
-        return _Hits(self.range_m[some], self.geom[some], self.normal[some], self.speed_mps[some])
+    def of(self, some: Ids) -> _Hits:
+        return _Hits(self.range_m[some], self.geom[some], self.normal[:, some], self.speed_mps[some])
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +106,19 @@ class _Rays:
     """Rays by mirrors that meet a surface."""
 
     cell: Cells
-    way_W: Float64  # d_B
+    solid_sr: Float64  # dOmega
+    way_W: Vectors  # d_B
     first_m: Float64  # |OB|
-    mirror_normal: Float64
     mirror_geom: Ids
     power: Float64  # g^2
-    bent_W: Float64  # direction from B to P
+    bent_W: Vectors  # direction from B to P
     found: _Hits  # from B
+
+    def of(self, some: Ids) -> _Rays:
+        return _Rays(
+            self.cell[some], self.solid_sr[some], self.way_W[:, some], self.first_m[some], self.mirror_geom[some],
+            self.power[some], self.bent_W[:, some], self.found.of(some),
+        )  # fmt: skip
 
 
 class GhostEchoes:
@@ -140,13 +151,20 @@ class GhostEchoes:
         shape = world.model.geom_type
         half_m = np.sort(world.model.geom_aabb[:, 3:], axis=1)
         thin = (half_m[:, 0] <= _THIN_M) & (half_m[:, 1] >= _WIDE_M)
-        self._flat = np.isin(shape, _FLAT_SHAPES) | (np.isin(shape, _FACETED_SHAPES) & thin)
-        self._is_mirror = (self._flat | np.isin(shape, _FACETED_SHAPES)) & (world.geom_actor < 0)
+        flat = np.isin(shape, _FLAT_SHAPES) | (np.isin(shape, _FACETED_SHAPES) & thin)
+        is_mirror = (flat | np.isin(shape, _FACETED_SHAPES)) & (world.geom_actor < 0)
+        # By geom, with one more element for -1: no hit.
+        self._flat_at, self._mirror_at = np.append(flat, False), np.append(is_mirror, False)
+        self._echoes_at = np.append(self._surface > 0, False)
         coarse = forward_cells(self._spacing_rad * _COARSE)
         share = self._share(directions(coarse, self._spacing_rad * _COARSE))
-        self._coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
-        self._coarse_R = directions(self._coarse, self._spacing_rad * _COARSE)
-        self._coarse_around = CellIndex(self._coarse, int(np.abs(self._coarse).max(initial=0))).neighbours(self._coarse)
+        coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
+        self._coarse_R = _columns(directions(coarse, self._spacing_rad * _COARSE))
+        # Neighbours of each cell in eight rows; -1, where there is none, is the last element, which callers append.
+        around = CellIndex(coarse).neighbours(coarse)
+        self._coarse_around = np.ascontiguousarray(around.T)
+        self._fine = children(coarse)
+        self._fine_R = _columns(directions(self._fine, self._spacing_rad))
         self._corners = MirroredCorners(world.map.corners, antenna, mask, self._scale, chirp.wavelength_m)
         self.rays = 0  # cast in the last frame
 
@@ -156,132 +174,161 @@ class GhostEchoes:
         p_W = pose.p_WC
         self._geometry.pose_within(Vicinity(p_W, p_W, self._limit_m))
         axes = _axes_of(pose)
-        fine, primary, power, assumed = self._mirrors(p_W, axes)
-        rays = self._bent(p_W, axes, fine, primary, power, self._spacing_rad, assumed)
-        parts = []
-        planes: list[MirrorPlane] = []
-        if len(self._corners):
-            some = power > 0.0
-            planes = _planes(primary.of(some), _turned(directions(fine[some], self._spacing_rad), axes))
+        fine, ways_W, primary, power, assumed = self._mirrors(p_W, axes)
+        rays = self._bent(p_W, fine, ways_W, primary, power, self._spacing_rad, assumed)
+        planes = _planes(primary, ways_W) if len(self._corners) and len(fine) else []
         few = self._of_few(rays)
         if few is not None:
             split, kept = few
-            parts.append(self._ghosts(pose, axes, _some(rays, kept), self._spacing_rad))
-            rays = self._finer(p_W, axes, split)
-            parts.append(self._ghosts(pose, axes, rays, self._spacing_rad / 3.0))
-        else:
-            parts.append(self._ghosts(pose, axes, rays, self._spacing_rad))
-        if planes:
-            parts.append(self._of_corners(pose, planes))
-        return _joined(parts)
+            rays = _both(rays.of(kept), self._finer(p_W, axes, split))
+        ghosts = self._ghosts(pose, axes, rays)
+        return _joined([ghosts, self._of_corners(pose, planes)]) if planes else ghosts
 
     def _share(self, direction_R: Float64) -> Float64:
         """Return the greater gain of a transmitter or receiver relative to the axis; 0 outside the mask's angles."""
-        share = np.maximum(self._antenna.tx.share(direction_R), self._antenna.rx.share(direction_R))
+        share = np.maximum(*self._shares(direction_R))
         return np.where(self._mask.in_window(direction_R), share, 0.0)
 
-    def _cast(self, origins_W: Float64, ways_W: Float64, limit_m: float) -> _Hits:
-        n = len(ways_W)
+    def _shares(self, direction_R: Float64) -> tuple[Float64, Float64]:
+        """Return the gains of transmitter and receiver relative to the axis."""
+        tx = self._antenna.tx.share(direction_R)
+        return tx, tx if self._antenna.rx == self._antenna.tx else self._antenna.rx.share(direction_R)
+
+    def _cast(self, origins_W: Vectors, ways_W: Vectors, limit_m: float) -> _Hits:
+        """Return what rays meet; `origins_W`: (3, n), or (3, 1) for all."""
+        n = ways_W.shape[1]
         self.rays += n
         range_m, geom, normal, speed = np.empty(n), np.empty(n, np.int32), np.empty((n, 3)), np.empty(n)
         if n:
-            self._geometry.caster.cast(origins_W, ways_W, 0.0, limit_m, range_m, geom, normal, speed)
-        return _Hits(range_m, geom.astype(np.int64), normal, speed)
+            origins, ways = np.ascontiguousarray(origins_W.T), np.ascontiguousarray(ways_W.T)
+            self._geometry.caster.cast(origins, ways, 0.0, limit_m, range_m, geom, normal, speed)
+        return _Hits(range_m, geom.astype(np.int64), _columns(normal), speed)
 
-    def _mirror_power(self, ways_W: Float64, share: Float64, hits: _Hits) -> Float64:
+    def _mirror_power(self, ways_W: Vectors, share: Float64, hits: _Hits) -> Float64:
         """Return g^2; 0 for what is no mirror, or one below the floor. `share`: the antenna's gain."""
-        geom = hits.geom
-        power = np.zeros(len(geom))
-        some = geom >= 0
-        some[some] = self._is_mirror[geom[some]]
-        cosine = -_dot(hits.normal[some], ways_W[some])
-        power[some] = self._reflection.mirror_power(self._surface[geom[some]], cosine)
-        power[power * share < self._floor] = 0.0
+        power = np.zeros(len(hits.geom))
+        some = np.flatnonzero(self._mirror_at[hits.geom])
+        cosine = -_dot(hits.normal, ways_W)[some]
+        found = self._reflection.mirror_power(self._surface[hits.geom[some]], cosine)
+        found[found * share[some] < self._floor] = 0.0
+        power[some] = found
         return power
 
-    def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, _Hits, Float64, NDArray[np.bool_]]:
-        """Return the cells at and beside mirrors, what their rays meet, and g^2.
+    def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, Vectors, _Hits, Float64, NDArray[np.bool_]]:
+        """Return the cells that show mirrors, their rays, what these meet, and g^2.
 
         Within a mirror, where all neighbours show the same flat geom, rays are assumed to meet its plane: the last
         array is True there. `_bent` casts those that count, which are few: most rays by the ground end in the sky.
         """
         coarse_W = _turned(self._coarse_R, axes)
-        hits = self._cast(_from(p_W, len(coarse_W)), coarse_W, self._limit_m)
-        shows = self._mirror_power(coarse_W, self._coarse_share, hits) > 0.0
-        around = self._coarse_around
-        near = shows | (shows[around] & (around >= 0)).any(axis=1)
-        geom, normal = hits.geom, hits.normal
-        within = (
-            shows & self._flat[geom] & (shows[around] & (around >= 0) & (geom[around] == geom[:, None])).all(axis=1)
-        )
-        for column in around.T:
-            within &= _dot(normal, normal[column]) > _SAME_NORMAL
-        fine = children(self._coarse[near])
-        ways_W = _turned(directions(fine, self._spacing_rad), axes)
-        assumed = np.repeat(within[near], 9)
-        n = np.repeat(normal[near], 9, axis=0)
+        hits = self._cast(_at(p_W), coarse_W, self._limit_m)
+        power = self._mirror_power(coarse_W, self._coarse_share, hits)
+        shows, geom, normal = np.append(power > 0.0, False), np.append(hits.geom, -2), hits.normal
+        shown_around = shows[self._coarse_around]
+        near = np.flatnonzero(shows[:-1] | shown_around.any(axis=0))
+        same = shown_around & (geom[self._coarse_around] == geom[:-1])
+        within = np.flatnonzero(shows[:-1] & self._flat_at[hits.geom] & same.all(axis=0))
+        for row in self._coarse_around:
+            within = within[_dot(normal[:, within], normal[:, row[within]]) > _SAME_NORMAL]
+        assumed = np.zeros(len(hits.geom), np.bool_)
+        assumed[within] = True
+
+        fine = (9 * near[:, None] + _NINE).reshape(-1)
+        ways_W = _turned(self._fine_R[:, fine], axes)
+        parent = np.repeat(near, 9)
+        assumed, geom, n = assumed[parent], hits.geom[parent], normal[:, parent]
         reached_m = np.where(hits.geom >= 0, hits.range_m, 0.0)
-        offset = np.repeat((reached_m * _dot(normal, coarse_W))[near], 9)
-        geom, range_m, speed = np.repeat(geom[near], 9), np.zeros(len(fine)), np.zeros(len(fine))
+        offset = (reached_m * _dot(normal, coarse_W))[parent]
+        range_m = np.zeros(len(fine))
         down = _dot(n, ways_W)
         assumed &= down < -_LEAST_COSINE
         np.divide(offset, down, out=range_m, where=assumed)
-        cast = self._cast(_from(p_W, int((~assumed).sum())), np.ascontiguousarray(ways_W[~assumed]), self._limit_m)
-        range_m[~assumed], geom[~assumed], n[~assumed] = cast.range_m, cast.geom, cast.normal
-        hits = _Hits(range_m, geom, n, speed)
-        power = self._mirror_power(ways_W, np.repeat(self._coarse_share[near], 9), hits)
-        faceted = np.flatnonzero(power > 0.0)
-        faceted = faceted[~self._flat[hits.geom[faceted]]]
-        if len(faceted):
-            power[faceted[~self._in_plane(fine, faceted, ways_W, hits)]] = 0.0
-        return fine, hits, power, assumed
+        checked = np.flatnonzero(~assumed)
+        cast = self._cast(_at(p_W), ways_W[:, checked], self._limit_m)
+        range_m[checked], geom[checked], n[:, checked] = cast.range_m, cast.geom, cast.normal
+        hits = _Hits(range_m, geom, n, range_m)  # mirrors are at rest: their speeds are not asked for
+        cells = self._fine[fine]
+        power = self._plane_power(cells, ways_W, self._coarse_share[parent], hits)
+        some = np.flatnonzero(power > 0.0)
+        return cells[some], ways_W[:, some], hits.of(some), power[some], assumed[some]
 
-    def _in_plane(self, fine: Cells, some: Ids, ways_W: Float64, hits: _Hits) -> NDArray[np.bool_]:
+    def _plane_power(self, cells: Cells, ways_W: Vectors, share: Float64, hits: _Hits) -> Float64:
+        """Return g^2 of what is plane, and 0 for what is no mirror."""
+        power = self._mirror_power(ways_W, share, hits)
+        faceted = np.flatnonzero((power > 0.0) & ~self._flat_at[hits.geom])
+        if len(faceted):
+            power[faceted[~self._in_plane(cells, faceted, ways_W, hits)]] = 0.0
+        return power
+
+    def _in_plane(self, fine: Cells, some: Ids, ways_W: Vectors, hits: _Hits) -> NDArray[np.bool_]:
         """Return True where two or more of the eight neighbours are in the plane of the facet."""
-        index = CellIndex(fine, int(np.abs(fine).max(initial=0)))
-        around = index.neighbours(fine[some])
+        around = CellIndex(fine).neighbours(fine[some])
         reach = np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)
-        place = reach[:, None] * ways_W
+        place = reach * ways_W
         agree = np.zeros(len(some), np.int64)
-        n = hits.normal[some]
-        offset = _dot(n, place[some])
-        for column in around.T:
-            there = hits.normal[column]
-            same = (_dot(n, there) > _SAME_NORMAL) & (np.abs(_dot(n, place[column]) - offset) < _SAME_PLANE_M)
-            agree += same & (column >= 0)
+        n = hits.normal[:, some]
+        offset = _dot(n, place[:, some])
+        left = np.arange(len(some))  # that have fewer than two so far
+        for row in around.T:
+            at = left[row[left] >= 0]
+            beside, facet = row[at], n[:, at]
+            same = _dot(facet, hits.normal[:, beside]) > _SAME_NORMAL
+            same &= np.abs(_dot(facet, place[:, beside]) - offset[at]) < _SAME_PLANE_M
+            agree[at] += same
+            left = left[agree[left] < 2]
         return agree >= 2
 
     def _bent(
         self,
         p_W: Vec3,
-        axes: Float64,
         cells: Cells,
+        way_W: Vectors,
         hits: _Hits,
         power: Float64,
         spacing_rad: float,
         assumed: NDArray[np.bool_] | None = None,
     ) -> _Rays:
-        """Return the rays of `cells` by mirrors that meet a surface with an echo; `assumed`: as from `_mirrors`."""
-        some = power > 0.0
-        cells, hits, power = cells[some], hits.of(some), power[some]
-        way = _turned(directions(cells, spacing_rad), axes)
+        """Return the rays by the mirrors `hits` that meet a surface with an echo; `assumed`: as from `_mirrors`."""
         n = hits.normal
-        bent = way - (2.0 * _dot(way, n))[:, None] * n
-        origin = _from(p_W, len(way)) + hits.range_m[:, None] * way + _LIFT_M * n
-        found = self._cast(np.ascontiguousarray(origin), np.ascontiguousarray(bent), self._limit_m)
-        keep = found.geom >= 0
-        keep[keep] = self._surface[found.geom[keep]] > 0
+        bent = way_W - 2.0 * _dot(way_W, n) * n
+        origin = _at(p_W) + hits.range_m * way_W + _LIFT_M * n
+        found = self._cast_within(origin, bent, self._reach_m(hits.range_m, _dot(way_W, bent)))
+        keep = self._echoes_at[found.geom]
         if assumed is not None:
-            check = np.flatnonzero(keep & assumed[some])
-            seen = self._cast(_from(p_W, len(check)), np.ascontiguousarray(way[check]), self._limit_m)
+            check = np.flatnonzero(keep & assumed)
+            seen = self._cast(_at(p_W), way_W[:, check], self._limit_m)
             wrong = (seen.geom != hits.geom[check]) | ~(np.abs(seen.range_m - hits.range_m[check]) < _TOUCH_M)
             keep[check[wrong]] = False
+        kept = np.flatnonzero(keep)
         return _Rays(
-            cells[keep], way[keep], hits.range_m[keep], n[keep], hits.geom[keep], power[keep], bent[keep],
-            found.of(keep),
+            cells[kept], np.full(len(kept), spacing_rad * spacing_rad), way_W[:, kept], hits.range_m[kept],
+            hits.geom[kept], power[kept], bent[:, kept], found.of(kept),
         )  # fmt: skip
 
-    def _of_few(self, rays: _Rays) -> tuple[Cells, NDArray[np.bool_]] | None:
+    def _reach_m(self, first_m: Float64, cosine: Float64) -> Float64:
+        """Return |BP| beyond which no path is within the limit L: (|OB| + |BP| + |OP|) / 2 <= L.
+
+        By the law of cosines |BP| <= 2 L (L - |OB|) / (2 L - |OB| (1 - cos)), cos between d_B and the bent ray.
+        """
+        limit_m = self._limit_m
+        return np.asarray(2.0 * limit_m * (limit_m - first_m) / (2.0 * limit_m - first_m * (1.0 - cosine)))
+
+    def _cast_within(self, origins_W: Vectors, ways_W: Vectors, reach_m: Float64) -> _Hits:
+        """Return what rays meet within the reach of each, in groups of similar reaches."""
+        n = len(reach_m)
+        hits = _Hits(np.full(n, np.inf), np.full(n, -1), np.zeros((3, n)), np.zeros(n))
+        group = np.minimum((reach_m * (_GROUPS / self._limit_m)).astype(np.int64), _GROUPS - 1)
+        for k in range(_GROUPS):
+            some = np.flatnonzero(group == k)
+            if not len(some):
+                continue
+            cast = self._cast(origins_W[:, some], ways_W[:, some], self._limit_m * ((k + 1) / _GROUPS))
+            hits.range_m[some], hits.geom[some], hits.speed_mps[some] = cast.range_m, cast.geom, cast.speed_mps
+            hits.normal[:, some] = cast.normal
+        hits.geom[hits.range_m > reach_m] = -1
+        return hits
+
+    def _of_few(self, rays: _Rays) -> tuple[Cells, Ids] | None:
         """Return the cells to be divided, and which rays remain; None: no instance has few rays."""
         instance = self._instance[rays.found.geom]
         count = np.bincount(instance)
@@ -290,95 +337,88 @@ class GhostEchoes:
             return None
         wanted = rays.cell[few]
         around = (wanted[:, None, :] + _AROUND[None, :, :]).reshape(-1, 2)
-        reach = int(np.abs(rays.cell).max()) + 2
-        marked = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
-        marked[around[:, 0] + reach, around[:, 1] + reach] = True
-        split = np.argwhere(marked) - reach
-        return split, ~marked[rays.cell[:, 0] + reach, rays.cell[:, 1] + reach]
+        first = np.minimum(around.min(axis=0), rays.cell.min(axis=0))
+        marked = np.zeros(np.maximum(around.max(axis=0), rays.cell.max(axis=0)) - first + 1, np.bool_)
+        marked[around[:, 0] - first[0], around[:, 1] - first[1]] = True
+        split = np.argwhere(marked) + first
+        return split, np.flatnonzero(~marked[rays.cell[:, 0] - first[0], rays.cell[:, 1] - first[1]])
 
     def _finer(self, p_W: Vec3, axes: Float64, split: Cells) -> _Rays:
         """Return the rays of the divided cells."""
         spacing_rad = self._spacing_rad / 3.0
         cells = children(split)
-        ways_R = directions(cells, spacing_rad)
-        cells, ways_R = cells[ways_R[:, 0] > 0.0], ways_R[ways_R[:, 0] > 0.0]
-        ways_W = _turned(ways_R, axes)
-        hits = self._cast(_from(p_W, len(ways_W)), ways_W, self._limit_m)
-        power = self._mirror_power(ways_W, self._share(ways_R), hits)
-        faceted = np.flatnonzero(power > 0.0)
-        faceted = faceted[~self._flat[hits.geom[faceted]]]
-        if len(faceted):
-            power[faceted[~self._in_plane(cells, faceted, ways_W, hits)]] = 0.0
-        return self._bent(p_W, axes, cells, hits, power, spacing_rad)
+        ways = directions(cells, spacing_rad)
+        front = np.flatnonzero(ways[:, 0] > 0.0)
+        cells, ways = cells[front], ways[front]
+        ways_W = _turned(_columns(ways), axes)
+        hits = self._cast(_at(p_W), ways_W, self._limit_m)
+        power = self._plane_power(cells, ways_W, self._share(ways), hits)
+        some = np.flatnonzero(power > 0.0)
+        return self._bent(p_W, cells[some], ways_W[:, some], hits.of(some), power[some], spacing_rad)
 
-    def _ghosts(self, pose: CameraPose, axes: Float64, rays: _Rays, spacing_rad: float) -> Ghosts:
+    def _ghosts(self, pose: CameraPose, axes: Float64, rays: _Rays) -> Ghosts:
         found = rays.found
         surface = self._surface[found.geom]
-        kept = np.ones(len(surface), np.bool_)
-        if self._class_kept is not None:
-            kept = self._class_kept[self._class[found.geom]] > 0
         cos_in = -_dot(found.normal, rays.bent_W)
         image_m = rays.first_m + found.range_m
         v_W = pose.v_WC_W
         image_mps = found.speed_mps - _along(rays.way_W, v_W)
         way_R = _turned_back(rays.way_W, axes)
-        tx, rx = self._antenna.tx.share(way_R), self._antenna.rx.share(way_R)
-        solid = spacing_rad * spacing_rad
-        kept &= cos_in > _LEAST_COSINE
+        tx, rx = self._shares(way_R)
+        kept = cos_in > _LEAST_COSINE
+        if self._class_kept is not None:
+            kept &= self._class_kept[self._class[found.geom]] > 0
 
-        both = kept & (image_m <= self._limit_m) & (tx * rx >= PATTERN_FLOOR)
+        both = np.flatnonzero(kept & (image_m <= self._limit_m) & (tx * rx >= PATTERN_FLOOR))
         c = cos_in[both]
         sigma0 = self._reflection.sigma0(surface[both], c, c, c, np.ones(len(c)))
-        amplitude = self._scale * rays.power[both] * np.sqrt(tx[both] * rx[both] * sigma0 * solid / c) / image_m[both]
-        parts = [
-            self._made(BOTH, both, rays, image_m, image_mps, way_R, way_R, amplitude),
-        ]
+        seen_power = tx[both] * rx[both] * sigma0 * rays.solid_sr[both] / c
+        amplitude = self._scale * rays.power[both] * np.sqrt(seen_power) / image_m[both]
+        there_R = way_R[both]
+        parts = [self._made(BOTH, both, rays, image_m[both], image_mps[both], there_R, there_R, amplitude)]
 
-        bent_place = rays.first_m[:, None] * rays.way_W + found.range_m[:, None] * rays.bent_W
+        bent_place = rays.first_m * rays.way_W + found.range_m * rays.bent_W
         direct_m = np.sqrt(_dot(bent_place, bent_place))
-        kept &= (direct_m > _TOUCH_M) & (0.5 * (image_m + direct_m) <= self._limit_m)
-        direct_W = bent_place / np.maximum(direct_m, _TOUCH_M)[:, None]
+        mean_m = 0.5 * (image_m + direct_m)
+        kept &= (direct_m > _TOUCH_M) & (mean_m <= self._limit_m)
+        direct_W = bent_place / np.maximum(direct_m, _TOUCH_M)
         cos_out = -_dot(found.normal, direct_W)
         direct_R = _turned_back(direct_W, axes)
-        tx_direct, rx_direct = self._antenna.tx.share(direct_R), self._antenna.rx.share(direct_R)
+        tx_direct, rx_direct = self._shares(direct_R)
         out_share, back_share = tx * rx_direct, tx_direct * rx
         kept &= (cos_out > _LEAST_COSINE) & (np.maximum(out_share, back_share) >= PATTERN_FLOOR)
         kept &= self._mask.in_window(direct_R)
         candidates = np.flatnonzero(kept)
-        seen = self._cast(_from(pose.p_WC, len(candidates)), np.ascontiguousarray(direct_W[candidates]), self._limit_m)
+        seen = self._cast(_at(pose.p_WC), direct_W[:, candidates], self._limit_m)
         free = seen.range_m >= direct_m[candidates] - _TOUCH_M
         # Beyond P there is another surface, or none, where rounding takes the ray past its edge.
-        on_it = free & (seen.range_m <= direct_m[candidates] + _TOUCH_M)
+        on_it = np.flatnonzero(free & (seen.range_m <= direct_m[candidates] + _TOUCH_M))
         at, seen = candidates[on_it], seen.of(on_it)
-        visible = np.zeros(len(kept), np.bool_)
-        visible[at] = True
-        mean_m = 0.5 * (image_m + direct_m)
-        mean_mps = image_mps.copy()
-        mean_mps[at] = 0.5 * (image_mps[at] + seen.speed_mps - _along(direct_W[at], v_W))
+        to_W, normal = direct_W[:, at], found.normal[:, at]
+        mean_mps = 0.5 * (image_mps[at] + seen.speed_mps - _along(to_W, v_W))
         c, c_out = cos_in[at], cos_out[at]
-        bisector = -(rays.bent_W[at] + direct_W[at])
+        bisector = -(rays.bent_W[:, at] + to_W)
         length = np.sqrt(np.maximum(_dot(bisector, bisector), 1e-12))
-        cos_beta = np.clip(_dot(bisector, found.normal[at]) / length, 0.0, 1.0)
+        cos_beta = np.clip(_dot(bisector, normal) / length, 0.0, 1.0)
         cos_local = np.clip(0.5 * length, 0.0, 1.0)
         sigma0 = self._reflection.sigma0(surface[at], c, c_out, cos_beta, cos_local)
-        common = self._scale * np.sqrt(rays.power[at] * sigma0 * solid / c) / direct_m[at]
+        common = self._scale * np.sqrt(rays.power[at] * sigma0 * rays.solid_sr[at] / c) / direct_m[at]
+        by_mirror_R, straight_R = way_R[at], direct_R[at]
         for kind, share, coming_R, going_R in (
-            (OUT, out_share, direct_R, way_R),
-            (BACK, back_share, way_R, direct_R),
+            (OUT, out_share, straight_R, by_mirror_R),
+            (BACK, back_share, by_mirror_R, straight_R),
         ):
             amplitude = common * np.sqrt(np.where(share[at] >= PATTERN_FLOOR, share[at], 0.0))
-            parts.append(self._made(kind, visible, rays, mean_m, mean_mps, coming_R, going_R, amplitude))
+            parts.append(self._made(kind, at, rays, mean_m[at], mean_mps, coming_R, going_R, amplitude))
         return _joined(parts)
 
     def _made(
-        self, kind: int, some: NDArray[np.bool_], rays: _Rays, range_m: Float64, speed_mps: Float64,
+        self, kind: int, some: Ids, rays: _Rays, range_m: Float64, speed_mps: Float64,
         coming_R: Float64, going_R: Float64, amplitude: Float64,
     ) -> Ghosts:  # fmt: skip
         geom = rays.found.geom[some]
-        speed = self._blades.seen_speeds(speed_mps[some], self._surface[geom], self._chirp)
-        echoes = Echoes(
-            range_m[some], speed, np.ascontiguousarray(coming_R[some]), amplitude, np.ascontiguousarray(going_R[some])
-        )
+        speed = self._blades.seen_speeds(speed_mps, self._surface[geom], self._chirp)
+        echoes = Echoes(range_m, speed, coming_R, amplitude, going_R)
         mirror = self._instance[rays.mirror_geom[some]]
         return Ghosts(echoes, np.full(len(geom), kind, np.uint8), self._instance[geom], mirror)
 
@@ -399,36 +439,42 @@ class GhostEchoes:
 
     def _caster_ranges(self, origin_W: Vec3, way_W: Vec3) -> tuple[float, int, Vec3]:
         """Return range, geom and normal of the nearest surface."""
-        hit = self._cast(_from(origin_W, 1), np.array([way_W]), 4.0 * self._limit_m)
-        x, y, z = hit.normal[0].tolist()
+        hit = self._cast(_at(origin_W), _at(way_W), 4.0 * self._limit_m)
+        x, y, z = hit.normal[:, 0].tolist()
         return float(hit.range_m[0]), int(hit.geom[0]), (x, y, z)
 
     def _mirror_power_at(self, geom: int, cosine: float) -> float:
-        if geom < 0 or not self._is_mirror[geom]:
+        if geom < 0 or not self._mirror_at[geom]:
             return 0.0
         return float(self._reflection.mirror_power(self._surface[[geom]], np.array([cosine]))[0])
 
 
 _AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+_NINE = np.arange(9)
 
 
-def _planes(hits: _Hits, ways_W: Float64) -> list[MirrorPlane]:
+def _planes(hits: _Hits, ways_W: Vectors) -> list[MirrorPlane]:
     """Return the planes that rays meet, by geom and direction: the first ray's of each."""
-    key = np.round(hits.normal * 100.0).astype(np.int64)
+    key = np.round(hits.normal.T * 100.0).astype(np.int64)
     rows = np.concatenate([hits.geom[:, None], key], axis=1)
     planes = []
     for at in np.sort(np.unique(rows, axis=0, return_index=True)[1]).tolist():
-        nx, ny, nz = hits.normal[at].tolist()
-        wx, wy, wz = ways_W[at].tolist()
+        nx, ny, nz = hits.normal[:, at].tolist()
+        wx, wy, wz = ways_W[:, at].tolist()
         distance_m = -float(hits.range_m[at]) * (nx * wx + ny * wy + nz * wz)
         planes.append(MirrorPlane((nx, ny, nz), distance_m, int(hits.geom[at])))
     return planes
 
 
-def _some(rays: _Rays, kept: NDArray[np.bool_]) -> _Rays:
+def _both(a: _Rays, b: _Rays) -> _Rays:
+    def joined(x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
+        return np.concatenate([x, y], axis=-1)
+
+    found = _Hits(*(joined(getattr(a.found, f.name), getattr(b.found, f.name)) for f in fields(_Hits)))
     return _Rays(
-        rays.cell[kept], rays.way_W[kept], rays.first_m[kept], rays.mirror_normal[kept], rays.mirror_geom[kept],
-        rays.power[kept], rays.bent_W[kept], rays.found.of(kept),
+        np.concatenate([a.cell, b.cell]), joined(a.solid_sr, b.solid_sr), joined(a.way_W, b.way_W),
+        joined(a.first_m, b.first_m), joined(a.mirror_geom, b.mirror_geom), joined(a.power, b.power),
+        joined(a.bent_W, b.bent_W), found,
     )  # fmt: skip
 
 
@@ -455,21 +501,27 @@ def _axes_of(pose: CameraPose) -> Float64:
     return np.array([[R[2], R[5], R[8]], [-R[0], -R[3], -R[6]], [-R[1], -R[4], -R[7]]])
 
 
-def _turned(d_R: Float64, axes: Float64) -> Float64:
-    return np.ascontiguousarray(d_R[:, :1] * axes[0] + d_R[:, 1:2] * axes[1] + d_R[:, 2:] * axes[2])
+def _columns(rows: Float64) -> Vectors:
+    """Return rows of three as (3, n)."""
+    return np.ascontiguousarray(rows.T)
 
 
-def _turned_back(d_W: Float64, axes: Float64) -> Float64:
+def _turned(d_R: Vectors, axes: Float64) -> Vectors:
+    return np.stack([d_R[0] * x + d_R[1] * y + d_R[2] * z for x, y, z in axes.T.tolist()])
+
+
+def _turned_back(d_W: Vectors, axes: Float64) -> Float64:
+    """Return directions in R as rows of three, as echoes have them."""
     return np.stack([_along(d_W, axis) for axis in axes.tolist()], axis=1)
 
 
-def _dot(a: Float64, b: Float64) -> Float64:
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
+def _dot(a: Vectors, b: Vectors) -> Float64:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _along(a: Float64, v: Vec3) -> Float64:
-    return np.asarray(a[:, 0] * v[0] + a[:, 1] * v[1] + a[:, 2] * v[2])
+def _along(a: Vectors, v: Vec3) -> Float64:
+    return np.asarray(a[0] * v[0] + a[1] * v[1] + a[2] * v[2])
 
 
-def _from(p_W: Vec3, n: int) -> Float64:
-    return np.ascontiguousarray(np.broadcast_to(np.array(p_W, np.float64), (n, 3)))
+def _at(p: Vec3) -> Vectors:
+    return np.array(p, np.float64).reshape(3, 1)

@@ -41,18 +41,17 @@ def children(cells: Cells) -> Cells:
 
 
 class CellIndex:
-    """Place of cells in a list, for cells within `reach` of the axis."""
+    """Place of cells in a list."""
 
-    def __init__(self, cells: Cells, reach: int) -> None:
-        self._reach, self._width = reach + 2, 2 * reach + 5
-        self._place = np.full((self._width, self._width), -1, np.int64)
-        self._place[cells[:, 0] + self._reach, cells[:, 1] + self._reach] = np.arange(len(cells))
+    def __init__(self, cells: Cells) -> None:
+        self._first = cells.min(axis=0, initial=0) - 1
+        self._place = np.full(cells.max(axis=0, initial=0) + 2 - self._first, -1, np.int64)
+        self._place[cells[:, 0] - self._first[0], cells[:, 1] - self._first[1]] = np.arange(len(cells))
 
     def neighbours(self, cells: Cells) -> NDArray[np.int64]:
-        """Return the places of the eight neighbours of each cell, (n, 8); -1: not in the list."""
-        around = np.delete(_STEPS, 4, axis=0)
-        i, j = cells[:, :1] + around[:, 0] + self._reach, cells[:, 1:] + around[:, 1] + self._reach
-        return np.asarray(self._place[i, j])
+        """Return the places of the eight neighbours of each of the list's cells, (n, 8); -1: not in the list."""
+        around = np.delete(_STEPS, 4, axis=0) - self._first
+        return np.asarray(self._place[cells[:, :1] + around[:, 0], cells[:, 1:] + around[:, 1]])
 
 
 def _square(cells: Cells, spacing_rad: float) -> Float64:

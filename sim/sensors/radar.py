@@ -31,6 +31,7 @@ from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.coupling import couple
+from sim.radar.element_synthesis import ChannelsReport, ElementSynthesizer
 from sim.radar.ghost_echoes import GhostEchoes, Ghosts
 from sim.radar.ghost_objects import GhostEcho, ghost_objects
 from sim.radar.interference import Transmission
@@ -100,14 +101,17 @@ class RadarFrames:
         # Blades are folded into the speeds that one transmitter's chirps tell apart.
         self._chirp, self._blades = chirp.of_one_transmitter(p.antenna.array.turns), RotorBlades(world)
         self._scatterers = Scatterers(view.camera, world, chirp, p.antenna, p.receiver, p.mask)
-        self._synthesizer = Synthesizer(
-            chirp,
-            p.antenna.array,
-            hp_cutoff_hz=p.receiver.hp_cutoff_hz,
-            aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
-            method=p.method,
-            tolerance=p.tolerance,
-        )
+        summed: dict[str, Any] = {
+            "hp_cutoff_hz": p.receiver.hp_cutoff_hz,
+            "aaf_cutoff_hz": p.receiver.aaf_cutoff_hz,
+            "method": p.method,
+            "tolerance": p.tolerance,
+        }
+        self._synthesizer: Synthesizer | ElementSynthesizer
+        if p.antenna.elements_differ:
+            self._synthesizer = ElementSynthesizer(chirp, p.antenna, **summed)
+        else:
+            self._synthesizer = Synthesizer(chirp, p.antenna.array, **summed)
         self._chain = RadarReceiverChain(
             chirp, p.impairments, channels, seed=seed, name=name, adc_bits=p.receiver.adc_bits
         )
@@ -162,7 +166,7 @@ class RadarFrames:
         self._count(self._scatterers.last, report)
         return out
 
-    def _count(self, scatterers: ScattererReport, report: EchoSynthesisReport) -> None:
+    def _count(self, scatterers: ScattererReport, report: EchoSynthesisReport | ChannelsReport) -> None:
         counts = self.counts
         counts.frames += 1
         counts.pixels += scatterers.pixels

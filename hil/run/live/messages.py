@@ -35,6 +35,7 @@ from hil.run.recorder.mcap.topics import (
     live_truth_topics,
     with_variances,
 )
+from hil.run.recorder.radar_messages import RADAR_MESSAGES
 from hil.run.sensors.frame_stages import output_ports
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, ImageSample, RadarSample, Sample, TruthState
 from signals.time import NS_PER_S
@@ -104,6 +105,9 @@ def live_topics(bench: Bench, tf: str = WORLD) -> tuple[LiveTopic, ...]:
             if kind is RadarSample:
                 type_name = _RADAR_TYPES.get(channel, type_name)
             topics.append(LiveTopic(names.topic(f"/{port}"), type_name, port))
+            message = RADAR_MESSAGES.get(channel) if kind is RadarSample else None
+            if message is not None:
+                topics.append(LiveTopic(names.topic(f"/{name}/{message.topic}"), message.type_name, port))
         if kind is ImageSample:
             topics.append(LiveTopic(names.topic(f"/{name}/camera_info"), "sensor_msgs/CameraInfo", ports[0]))
         topics.append(LiveTopic(names.topic(f"/{name}/pose"), "geometry_msgs/PoseStamped", ports[0]))

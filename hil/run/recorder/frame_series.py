@@ -28,6 +28,7 @@ from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.mcap.cdr import Layout, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, PendingRecords, Topics
 from hil.run.recorder.mcap.topics import BODY, WORLD
+from hil.run.recorder.radar_messages import RADAR_MESSAGES, RadarMessage, elements
 from signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from signals.time import NS_PER_S
 
@@ -238,6 +239,9 @@ class FrameSeries:
                 self._add_raw(file, sample, log_ns, array)
             elif array.dtype.names:
                 self._add_records(file, sample, log_ns, name, array)
+                message = RADAR_MESSAGES.get(name)
+                if message is not None and message.fields <= set(array.dtype.names):
+                    self._add_radar_message(file, sample, log_ns, message, array)
             else:
                 self._add_image(file, sample, log_ns, name, array)
 
@@ -257,6 +261,23 @@ class FrameSeries:
         )
         pose = {"position": sample.p_WR, "orientation": _xyzw(sample.q_WR)}
         topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
+
+    def _add_radar_message(
+        self, file: Topics, sample: RadarSample, log_ns: int, message: RadarMessage, records: NDArray[Any]
+    ) -> None:
+        if self._leaves_out(message.topic):
+            return
+        frame_id = file.frame(self._description.frame_id)
+        # The sequence ends the message, so its elements are inserted at the end.
+        topic = self._topic(
+            file,
+            message.topic,
+            message.type_name,
+            strings={"header.frame_id": frame_id},
+            lengths={message.sequence: 0},
+        )
+        count = {f"{message.sequence}$length": len(records)}
+        topic.add(sample, log_ns, count, elements(message, records, frame_id))
 
     def _add_cloud(self, file: Topics, sample: PointCloudSample, log_ns: int) -> None:
         if not self._leaves_out(""):

@@ -85,6 +85,18 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
         "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense"
     ),
+    "radar_msgs/RadarReturn": (
+        "float32 range\nfloat32 azimuth\nfloat32 elevation\nfloat32 doppler_velocity\nfloat32 amplitude"
+    ),
+    "radar_msgs/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns",
+    "unique_identifier_msgs/UUID": "uint8[16] uuid",
+    "radar_msgs/RadarTrack": (
+        "uint16 NO_CLASSIFICATION=0\nuint16 STATIC=1\nuint16 DYNAMIC=2\nunique_identifier_msgs/UUID uuid\n"
+        "geometry_msgs/Point position\ngeometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 acceleration\n"
+        "geometry_msgs/Vector3 size\nuint16 classification\nfloat32[6] position_covariance\n"
+        "float32[6] velocity_covariance\nfloat32[6] acceleration_covariance\nfloat32[6] size_covariance"
+    ),
+    "radar_msgs/RadarTracks": "std_msgs/Header header\nradar_msgs/RadarTrack[] tracks",
     "rcl_interfaces/Log": (
         "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
         "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\n"

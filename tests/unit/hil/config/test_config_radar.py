@@ -145,6 +145,15 @@ FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps ev
         (f"{{{PRESET}, rate_hz: 10, autopilot: true}}", "no flight controller takes a radar"),
         (f"{{{AWR}, chirp: {{chirps: 128}}}}", "must be a multiple of the 3 transmitters that take turns, 6 at least"),
         (f"{{{AWR}, chirp: {{center_frequency_hz: 80.8e+9}}}}", "the board's band is 76 to 81 GHz"),
+        (f"{{{AWR}, chirp: {{bandwidth_hz: 1.6e+9}}}}", "one oscillator of the board covers 76 to 78 or 77 to 81 GHz"),
+        (
+            f"{{{AWR}, chirp: {{samples: 32, bandwidth_hz: 0.1e+9, repetition_s: 14.2e-6}}}}",
+            "repetition_s: 14.2 us; the board's limit is 15 us",
+        ),
+        (
+            f"{{{AWR}, antenna: {{rx_cuts: [{{}}]}}}}",
+            "rx_cuts has 1 elements; rx_positions_m has 4",
+        ),
         (f"{{{AWR}, chirp: {{bandwidth_hz: 4.2e+9}}}}", "a slope of 102.5 MHz/us; the board's limit is 100 MHz/us"),
         (f"{{{AWR}, chirp: {{sample_rate_hz: 13.0e+6}}}}", "13 million complex samples a second; the board's limit is"),
         (f"{{{AWR}, chirp: {{repetition_s: 49.0e-6}}}}", "leave 1.04 us between ramps of 47.96 us; the board needs 2"),

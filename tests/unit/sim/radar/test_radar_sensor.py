@@ -375,7 +375,7 @@ def test_bounces_by_several_transmitters_are_those_of_each() -> None:
     place = {"preset": "awr1843boost", "impairments": QUIET, "bounces": {}, "outputs": ("raw",), "method": "direct"}
     parameters = PRESETS["awr1843boost"].parameters
     assert isinstance(parameters, RadarParameters)
-    chirp = parameters.chirp.model_dump() | {"chirps": 12, "samples": 64}
+    chirp = parameters.chirp.model_dump() | {"chirps": 12, "samples": 64, "bandwidth_hz": 0.4e9}
     antenna = parameters.antenna.model_dump() | {"field_deg": None}
     mask = {"classes": ("reflector",)}
     together = radar(**place, chirp=chirp, mask=mask).sample(truth(0, **still), 0).channels["raw"].astype(np.int64)

@@ -23,6 +23,8 @@ from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME, Recorder
 from signals.samples import FlowSample, OdometrySample, RadarSample, RangeSample, Sample, ScalarSample, TruthState
 from sim.physics.battery import BatteryState
+from sim.radar.processing.points import POINT_DTYPE
+from sim.radar.processing.tracker import TRACK_DTYPE
 from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, image, make_flight
 
 K = (16.0, 0.0, 7.5, 0.0, 16.0, 5.5, 0.0, 0.0, 1.0)
@@ -44,9 +46,10 @@ def more_samples(k: int) -> list[tuple[str, Sample]]:
         ("fuel", ScalarSample(k, t_ns, t_ns, 1.0 / (k + 1))),
     ]
     if k % 10 == 0:
-        points = np.zeros(k % 4, [("p_R_m", "<f4", (3,)), ("speed_mps", "<f4")])
+        points, tracks = np.zeros(k % 4, POINT_DTYPE), np.zeros(k % 3, TRACK_DTYPE)
         raw = np.full((1, 2, 8), k, np.uint16)
-        channels = {"raw": raw, "range_doppler": np.full((2, 4), 0.5 * k, np.float32), "points": points}
+        picture = np.full((2, 4), 0.5 * k, np.float32)
+        channels = {"raw": raw, "range_doppler": picture, "points": points, "tracks": tracks}
         samples += [
             ("front", image(k)),
             ("lidar", cloud(k, k % 7)),
