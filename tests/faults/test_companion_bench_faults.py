@@ -318,7 +318,7 @@ def test_a_pilot_that_commands_nothing_does_not_pass(tmp_path: Path, monkeypatch
     outcome = fly(tmp_path, companion, settings=("duration_s=8", "mission=null"))
     assert outcome.status == "FAIL"
     (reason,) = outcome.run["verdict"]["reasons"]
-    assert reason.endswith("in the phase preflight; the clients in control sent no desired state that moves it")
+    assert reason.endswith("in the phase preflight; they sent no desired state that moves the vehicle")
 
 
 def test_missing_clients_are_a_handshake_error(tmp_path: Path) -> None:

@@ -90,8 +90,8 @@ class CompanionPart(Part):
         reasons = self.link.missing() if config.companion.on_loss == "error" else []
         pilot = self._pilot
         if pilot is not None and pilot.phase in _ON_THE_GROUND and config.goal is None:
-            why = "; the clients in control sent no desired state that moves it" if pilot.ready else ""
-            reasons.append(f"the vehicle was never armed: the flight ended in the phase {pilot.phase.value}{why}")
+            why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
+            reasons.append(f"no companion in control ever flew: the flight ended in the phase {pilot.phase.value}{why}")
         return Verdict(reasons=reasons)
 
     def run_keys(self) -> dict[str, Any]:
