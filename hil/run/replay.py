@@ -66,7 +66,8 @@ class ReplayResult:
     def __str__(self) -> str:
         if self.difference:
             return str(self.difference)
-        return f"identical over {self.ticks} ticks, digest {self.digests[1] or 'not in the recording'}"
+        end = "" if self.digests[0] else ", up to where the recording was cut off"
+        return f"identical over {self.ticks} ticks{end}, digest {self.digests[1] or 'not in the recording'}"
 
 
 def compare(recorded: Path, fresh: Path) -> Difference | None:

@@ -63,6 +63,14 @@ def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
             assert "Traceback" not in done.stderr, shown
 
 
+def test_the_flight_with_looser_limits_passes_in_full(tmp_path: Path) -> None:
+    make_folder(tmp_path)
+    commands = [words for block in blocks(ROOT / "docs/start.md", "sh") for words in block.commands()]
+    (words,) = [words for words in commands if "sensors.gps.preset=m8n" in words]
+    done = hil(*words[1:], "--set", "record.report=false", cwd=tmp_path, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 SCRIPTS = blocks(ROOT / "docs/mission-scripts.md", "yaml")
 
 

@@ -267,6 +267,60 @@ def test_a_faulty_observer_does_not_change_the_flight(
     assert watcher["frames"] > 0
 
 
+OBSERVER = """
+import os, time
+class Watcher:
+    topics = ("truth",)
+    finished = False
+    def __call__(self, frame):
+        ACT
+"""
+
+
+def observed(folder: Path, act: str, monkeypatch: pytest.MonkeyPatch, *settings: str, more: str = "") -> list[str]:
+    """Fly for 2 s with an observer that the bench starts, and return the reasons for a FAIL that name it."""
+    (folder / "lazy.py").write_text(OBSERVER.replace("ACT", act))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    outcome = fly(folder, f"start: ['lazy:Watcher'], rate_hz: 25{more}", settings=("duration_s=2", *settings))
+    assert outcome.run["error"] is None, outcome.run["error"]
+    assert outcome.status == "FAIL"  # the hop takes longer than that
+    return [reason for reason in outcome.run["verdict"]["reasons"] if "Watcher" in reason]
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        ("if frame.frame == 10: raise RuntimeError('planted')", "it left: CutError"),
+        ("frame.frame == 10 and os._exit(0)", "its connection ended"),
+        ("frame.frame == 10 and time.sleep(3600)", "no answer to frame 10 within 1 s"),
+    ],
+)
+def test_a_flight_that_lost_the_client_that_the_bench_started_fails(
+    act: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (reason,) = observed(tmp_path, act, monkeypatch, "companion.reply_timeout_s=1")
+    assert reason.startswith("the companion Watcher was lost 0.4")
+    assert words in reason
+
+
+def test_a_client_that_has_finished_or_need_not_come_back_is_not_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leaves = "self.finished = frame.frame >= 10\n        if frame.frame == 20: os._exit(0)"
+    assert not observed(tmp_path, leaves, monkeypatch)
+    assert not observed(tmp_path, "frame.frame == 10 and os._exit(0)", monkeypatch, more=", on_loss: go_on")
+
+
+def test_a_pilot_that_commands_nothing_does_not_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lazy.py").write_text(OBSERVER.replace("ACT", "return None"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    companion = "start: ['lazy:Watcher'], control: true, rate_hz: 25"
+    outcome = fly(tmp_path, companion, settings=("duration_s=8", "mission=null"))
+    assert outcome.status == "FAIL"
+    (reason,) = outcome.run["verdict"]["reasons"]
+    assert reason.endswith("in the phase preflight; they sent no desired state that moves the vehicle")
+
+
 def test_missing_clients_are_a_handshake_error(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "clients: 2", settings=("companion.connect_timeout_s=0.3",))
     assert_error(outcome, "HandshakeError", "0 of 2 clients within 0.3 s", "ipc://")

@@ -18,6 +18,7 @@ from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
 
+NO_OBJECTS = "warning: no picture has a labelled object: look where the camera points, and at the course (index.html)"
 _MAX_WORKERS = 1024
 
 
@@ -54,7 +55,11 @@ def run_dataset(
         text += f", {result.steady_frames_per_s:.1f} frames/s after the first batch"
     if result.kept_batches:
         text += f"; {result.kept_batches} batches of an earlier attempt were kept"
+    if result.objects:
+        text += f"; {result.objects} labelled objects"
     console.print(text)
+    if result.objects == 0:
+        console.print(NO_OBJECTS)
     console.print(f"data set  {out}/  (index.html, dataset.json)", markup=False)
     return result
 

@@ -68,6 +68,7 @@ class DatasetResult:
     kept_batches: int  # left complete by an earlier attempt
     steady_frames_per_s: float
     wall_s: float
+    objects: int | None  # labelled in its pictures; None: it has no labelled pictures
 
 
 @dataclass(frozen=True)
@@ -152,4 +153,7 @@ class _DatasetMaker:
             store.close()
         (first_s, first_frames), (last_s, last_frames) = times[0], times[-1]
         rate = (last_frames - first_frames) / (last_s - first_s) if last_s > first_s else 0.0
-        return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, time.monotonic() - self.began_s)
+        labelled = sum(sum(counts.values()) for record in pipeline.records for counts in record.objects)
+        objects = None if plan.labelled is None else labelled
+        wall_s = time.monotonic() - self.began_s
+        return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects)

@@ -15,6 +15,7 @@ from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import BenchConfig
+from hil.config.companion.clients import client_name
 from hil.config.companion.link_settings import link_settings
 from hil.config.schema import Start
 from hil.config.sensors.radar_checks import view_of
@@ -71,6 +72,7 @@ class CompanionLink:
         self.views = ViewLog(out)
         self._faults = CompanionFaults(config.noise_seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
+        self._awaited: frozenset[str] = frozenset()  # clients with which the flight begins
 
     def _start_settings(self, client: str) -> dict[str, Any]:
         """Return the setting `start` of a shipped client that localises itself, if the bench moves the start."""
@@ -115,6 +117,7 @@ class CompanionLink:
 
         server.wait_for_clients(companion.expected, companion.connect_timeout_s, check_processes)
         self.topics = server.topics
+        self._awaited = frozenset(self.connected)
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
         self._answers = LiveAnswers(
@@ -148,6 +151,23 @@ class CompanionLink:
     def connected(self) -> list[str]:
         """Names of the connected clients, sorted."""
         return [] if self._server is None else sorted(client.name for client in self._server.clients)
+
+    def missing(self) -> list[str]:
+        """Return when and why each client was lost that the flight needs: those started, and as many as awaited.
+
+        A client that came back and answers is not missing, nor is one that had finished.
+        """
+        companion, stage = self.config.companion, self._stage
+        if stage is None:
+            return []
+        lost = {name: loss for name, loss in stage.losses.items() if name in self._awaited}
+        if len(stage.all_sessions) - len(stage.losses) >= companion.expected:
+            started = {client_name(cut.name) for cut in companion.start}
+            lost = {name: loss for name, loss in lost.items() if name in started}
+        return [
+            f"the companion {name} was lost {t_ns / NS_PER_S:.2f} s after the start and answered no more: {reason}"
+            for name, (t_ns, reason) in sorted(lost.items())
+        ]
 
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
         """Begin a fault now. Raises ValueError if its client is not connected."""

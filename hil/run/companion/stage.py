@@ -95,6 +95,7 @@ class CompanionStage:
         self.frames = 0
         self.sessions: dict[str, ClientSession] = {}
         self.all_sessions: dict[str, ClientSession] = {}  # lost clients included
+        self.losses: dict[str, tuple[int, str]] = {}  # unfinished clients without an answer since: simulated time, why
         self._update_clients(first=True)
 
     @property
@@ -147,6 +148,7 @@ class CompanionStage:
         connected = {client.name: client for client in self._answers.clients(self.frames)}
         for name in [name for name in self.sessions if name not in connected]:
             if not self.sessions[name].client.control:
+                self._note_loss(self.sessions[name], self._answers.loss_reason(name) or "it is not connected")
                 self._remove(name)
         for name, client in connected.items():
             if name not in self.sessions:
@@ -166,6 +168,11 @@ class CompanionStage:
             self._lose(session, "it reconnected without control")
         else:
             session.client = client
+
+    def _note_loss(self, session: ClientSession, reason: str) -> None:
+        """Note that a client is gone, until it answers again. One that has finished is not missed."""
+        if not session.finished:
+            self.losses.setdefault(session.client.name, (self._t_ns, reason))
 
     def _remove(self, name: str) -> None:
         session = self.sessions.pop(name)
@@ -229,6 +236,7 @@ class CompanionStage:
         session.awaited_frame = None
         if not session.disconnected:
             session.disconnected = True
+            self._note_loss(session, reason)
             self._on_event(self._t_ns, "companion_lost", f"{session.client.name}: {reason}")
         if session.unanswered_since_s is None:
             session.unanswered_since_s = now_s
@@ -292,6 +300,7 @@ class CompanionStage:
         client = session.client
         limit_s = 0.0 if session.finished else limit_s  # a client that has finished is not needed any more
         self._on_event(self._t_ns, "companion_lost", f"{client.name}: {reason}")
+        self._note_loss(session, reason)
         wait_s = max(limit_s, 0.0) if client.control else 0.0
         if self._answers.disconnect(client.name, reason, wait_s) and limit_s > 0.0:
             connected = {c.name: c for c in self._answers.clients(self.frames)}
@@ -321,6 +330,7 @@ class CompanionStage:
     def _apply(self, session: ClientSession, answer: Answer, from_ns: int, frame_ns: int) -> None:
         """Apply an answer to the frame made at `frame_ns`, from `from_ns` on."""
         name = session.client.name
+        self.losses.pop(name, None)
         if self._faults is not None:
             from_ns = self._faults.delayed(name, from_ns)
         if answer.report is not None:
@@ -329,6 +339,7 @@ class CompanionStage:
         if answer.detections is not None:
             self._callbacks.detected(name, answer.detections, self._t_ns)
         if not session.client.control:
+            session.finished |= answer.finished
             if answer.detections is not None and self._trace is not None:
                 self._trace.observer_detected(name, self._t_ns, answer)
             return

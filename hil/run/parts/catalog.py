@@ -36,6 +36,15 @@ def _sees_sky(bench: Bench) -> bool:
     return any(getattr(sensor.parameters, "sky", None) is not None for sensor in bench.config.sensors.values())
 
 
+def _may_stay(bench: Bench) -> bool:
+    """Return True if a vehicle that never moves meets all that the bench asks of the flight."""
+    if bench.outcome in ("aborted", "any"):
+        return True
+    config = bench.config
+    flown = bench.mission is not None or bench.script is not None or config.companion.flies or config.follow.flies
+    return not flown and config.goal is None and config.search is None
+
+
 def _always(bench: Bench) -> bool:  # noqa: ARG001
     return True
 
@@ -58,6 +67,7 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.fly_away", lambda bench: bench.config.fly_away_m is not None),
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
+    ("judges.unflown", _may_stay),
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),

@@ -9,6 +9,7 @@ from typing import Any
 
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
 from hil.run.companion.files import TIMING_NAME, read_timing
 from hil.run.companion.link import CompanionLink
@@ -18,11 +19,13 @@ from hil.run.offboard import offboard_pilot
 from hil.run.part import Part, RunContext
 from hil.run.parts.pilots.mission import record_texts
 from hil.run.report.page import Report
+from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
 from signals.detections import Detections
 
 # Simulated time without a new desired state after which the vehicle holds its position; the longer of the two counts.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
+_ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT)
 _MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 
@@ -78,6 +81,18 @@ class CompanionPart(Part):
 
     def finish(self, run: RunContext) -> None:
         record_texts(run.recorder, self.texts())
+
+    def verdict(self) -> Verdict:
+        """Return FAIL for a flight without its companions: one was lost for good, or the one in control never flew."""
+        config = self._bench.config
+        if self.link is None:
+            return Verdict()
+        reasons = self.link.missing() if config.companion.on_loss == "error" else []
+        pilot = self._pilot
+        if pilot is not None and pilot.phase in _ON_THE_GROUND and config.goal is None:
+            why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
+            reasons.append(f"no companion in control ever flew: the flight ended in the phase {pilot.phase.value}{why}")
+        return Verdict(reasons=reasons)
 
     def run_keys(self) -> dict[str, Any]:
         return {} if self.link is None else {"companion": self.link.report()}

@@ -135,6 +135,11 @@ def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> No
     assert result.ticks == TICKS
     assert result.digests[0] == result.digests[1]
     assert str(result).startswith(f"identical over {TICKS} ticks, digest ")
+    record(tmp_path, flight, close=False)
+    cut = replay(tmp_path, same)
+    assert cut.identical
+    assert "ticks, up to where the recording was cut off, digest " in str(cut)
+    record(tmp_path, flight)
     other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "o")
     assert not other.identical
     assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)

@@ -13,6 +13,7 @@ import sys
 import time
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,9 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from rich.console import Console
 
+from hil.apps.dataset.command import NO_OBJECTS, run_dataset
 from hil.apps.dataset.engines import local
 from hil.apps.dataset.engines.jobs import Job, JobResult
 from hil.apps.dataset.engines.local import LocalWorkers
@@ -433,3 +436,22 @@ def test_another_data_set_cannot_be_resumed(whole: Path, tmp_path: Path) -> None
     assert "sensors.gps.rate_hz (10.0, now 5.0)" in text
     assert "has 23 frames, more than the 22 wanted now" in text
     assert tree_of(whole) == before
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("sensors.front.mount_rpy_deg=[0,0,0]", "labelled objects"),
+        ("sensors.front.mount_rpy_deg=[0,-90,0]", NO_OBJECTS),
+        ("sensors.front.channels=[rgb]", "frames in"),
+    ],
+)
+def test_pictures_without_any_object_are_told(setting: str, words: str, tmp_path: Path) -> None:
+    text = StringIO()
+    plan = tiny_plan(tmp_path, frames=2, settings=(setting,))
+    result = run_dataset(Console(file=text, width=300), tmp_path / "set", inline(), lambda _: plan)
+    manifest = json.loads((tmp_path / "set" / "dataset.json").read_text())
+    assert (result.objects or 0) == manifest["objects"]
+    assert (result.objects is None) == ("[rgb]" in setting)
+    assert words in text.getvalue()
+    assert ("warning" in text.getvalue()) == (words == NO_OBJECTS)

@@ -171,6 +171,26 @@ def test_observers_come_and_go_and_change_nothing() -> None:
     assert clients.lost == [("watcher", "no answer to frame 12 within 0.01 s")]
     assert ("companion_lost", "watcher: no answer to frame 12 within 0.01 s") in flight.events
     assert flight.stage.all_sessions["watcher"].sent == 7
+    assert flight.stage.losses == {"watcher": (480 * MS, "no answer to frame 12 within 0.01 s")}
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "latency_true", "realtime"])
+def test_a_lost_client_is_missed_until_it_answers_again(mode: TimeMode) -> None:
+    clients = Clients({"watcher": lambda f: answer(f.frame)})
+    clients.connected[:] = [WATCHER]
+    flight = Flight(clients, mode)
+
+    def come_and_go(tick: int) -> None:
+        if mode == "realtime" and clients.frames.get("watcher") and clients.connected:
+            clients.ready.append(("watcher", answer(clients.frames["watcher"][-1].frame)))
+        if tick == 30:
+            clients.connected.clear()
+        if tick == 60:
+            assert flight.stage.losses == {"watcher": (120 * MS, "its connection ended")}
+            clients.connected.append(WATCHER)
+
+    flight.fly(100, come_and_go)
+    assert flight.stage.losses == {}
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "latency_true"])

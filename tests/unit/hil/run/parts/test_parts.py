@@ -32,6 +32,7 @@ BENCHES = {
     "plane": [],
     "vtol": [],
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
+    "nobody flies": ["mission=null"],
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
     "satellites": ["sensors.gps.sky={{}}"],

@@ -13,6 +13,7 @@ from hil.cli.app import app
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.part import Part, RunContext
+from hil.run.parts.judges.unflown import NOTHING_FLIES
 from signals.errors import ConfigError, Problem
 from tests.worlds.bench_files import elsewhere
 
@@ -48,7 +49,7 @@ class Refuses(Part):
 def test_a_short_warning_is_not_swallowed_by_a_longer_text(tmp_path: Path) -> None:
     bench = load_bench(None, settings=[*SHORT, "duration_s=0.1"])
     run = run_bench(bench, tmp_path / "out", quiet=True, more=[Says()]).run
-    assert [row["text"] for row in run["warnings"]] == ["GPS", "lost"]
+    assert [row["text"] for row in run["warnings"]] == ["GPS", "lost", NOTHING_FLIES]
 
 
 def test_the_problems_of_a_run_that_did_not_begin_are_kept_as_they_are(tmp_path: Path) -> None:

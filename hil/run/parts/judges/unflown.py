@@ -1,0 +1,54 @@
+"""Finds a PASS of nothing: the vehicle stood where it was all the time, and nothing else of the bench minds that.
+
+Two kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground station,
+sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which a vehicle at rest meets. And a
+script with `outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted:
+that is a FAIL. The others are warned of, because a start that is refused may be what the test is about.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from hil.config import Bench
+from hil.config.missions.script import Outcome
+from hil.run.part import Part, RunContext
+from hil.run.verdict.verdict import AIRBORNE_M, Verdict
+from signals.samples import TruthState, Vec3
+
+NOTHING_FLIES = (
+    "nothing was flown or judged: the bench has no mission, and the vehicle never left its start; name a mission "
+    "(--mission FILE), or connect the program that flies it before the flight ends (duration_s)"
+)
+ANY_OUTCOME = "nothing was flown: the vehicle never left its start, and the script takes that (outcome: any)"
+NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it never began"
+
+
+class UnflownPart(Part):
+    name = "unflown"
+
+    def __init__(self, outcome: Outcome) -> None:
+        self._outcome = outcome
+        self._start_W: Vec3 | None = None  # from the first tick on
+        self._moved = False
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._observe]
+
+    def _observe(self, truth: TruthState) -> None:
+        if self._start_W is None:
+            self._start_W = truth.p_WB
+        self._moved = self._moved or math.dist(truth.p_WB, self._start_W) > AIRBORNE_M
+
+    def conclude(self, run: RunContext) -> None:
+        if not self._moved and self._outcome != "aborted":
+            run.say("warning", ANY_OUTCOME if self._outcome == "any" else NOTHING_FLIES)
+
+    def verdict(self) -> Verdict:
+        begun = self._moved or self._start_W is None
+        return Verdict(reasons=[] if begun or self._outcome != "aborted" else [NOT_BEGUN])
+
+
+def make(bench: Bench) -> Part:
+    return UnflownPart(bench.outcome)

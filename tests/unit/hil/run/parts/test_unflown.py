@@ -1,0 +1,55 @@
+"""A run in which nobody flew says so, and is no aborted mission; one that anybody flies is neither."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hil.config import load_bench
+from hil.config.missions.script import Outcome
+from hil.run.bench_run import run_bench
+from hil.run.parts.catalog import parts_of
+from hil.run.parts.judges.unflown import ANY_OUTCOME, NOT_BEGUN, NOTHING_FLIES, UnflownPart
+
+QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}", "duration_s=1")
+
+
+def test_a_bench_that_nobody_flies_says_that_it_judged_nothing(tmp_path: Path) -> None:
+    run = run_bench(load_bench(settings=(*QUICK, "mission=null")), tmp_path, quiet=True).run
+    assert run["status"] == "PASS"
+    assert [row["text"] for row in run["warnings"]] == [NOTHING_FLIES]
+
+
+@pytest.mark.parametrize(("outcome", "status", "words"), [("aborted", "FAIL", NOT_BEGUN), ("any", "PASS", ANY_OUTCOME)])
+def test_a_mission_that_never_began_was_not_aborted(outcome: str, status: str, words: str, tmp_path: Path) -> None:
+    script = tmp_path / "script.yaml"
+    script.write_text(f"plan: {Path('rigs/missions/rectangle.plan').resolve()}\noutcome: {outcome}\n")
+    run = run_bench(load_bench(mission=str(script), settings=QUICK), tmp_path / "run", quiet=True).run
+    assert run["status"] == status
+    assert words in [*run["verdict"]["reasons"], *(row["text"] for row in run["warnings"])]
+
+
+def test_what_is_judged_anyhow_has_no_such_part() -> None:
+    for settings in (
+        (),
+        ("mission=null", "companion={clients: 1, control: true}"),
+        ("mission=null", "goal={p_W: [1, 2, 3]}", "companion={clients: 1, control: true}"),
+    ):
+        assert "unflown" not in {part.name for part in parts_of(load_bench(settings=settings))}
+
+
+@pytest.mark.parametrize("outcome", ["complete", "any", "aborted"])
+@pytest.mark.parametrize(("away_m", "moved"), [(0.0, False), (0.2, False), (0.5, True)])
+def test_who_left_its_start_was_flown(away_m: float, moved: bool, outcome: Outcome) -> None:
+    part = UnflownPart(outcome)
+    said: list[str] = []
+    run: Any = SimpleNamespace(say=lambda _kind, text: said.append(text))
+    (observe,) = part.observers()
+    for x_m in (0.0, away_m, 0.0):
+        truth: Any = SimpleNamespace(p_WB=(x_m, 0.0, 0.2))
+        observe(truth)
+    part.conclude(run)
+    assert bool([*said, *part.verdict().reasons]) != moved
