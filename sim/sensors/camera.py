@@ -25,12 +25,11 @@ from signals.noise import noise_key
 from signals.samples import ImageSample, TruthState
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
-from sim.frame.rain_streaks import RainStreaks
+from sim.frame.rain_streaks import USUAL_EXPOSURE_S, RainStreaks
 from sim.frame.source import ExposingRenderer, Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-_USUAL_EXPOSURE_S = 0.008  # of a camera without motion blur, for the streaks of rain
 BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the minimum that a renderer draws
 
 
@@ -187,7 +186,7 @@ class Camera(InstalledSensor):
         return RainStreaks(
             falling,
             self.model,
-            exposure_s=_USUAL_EXPOSURE_S if p.motion_blur is None else p.motion_blur.exposure_s,
+            exposure_s=USUAL_EXPOSURE_S if p.motion_blur is None else p.motion_blur.exposure_s,
             wind_W_mps=scene.wind_W_mps,
             key=noise_key(installation.seed, f"{installation.name}.rain"),
         )
