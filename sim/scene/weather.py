@@ -50,6 +50,10 @@ class Weather(StrictModel):
     @property
     def extinction_per_m(self) -> float:
         """Extinction beta; 0 in clear air."""
-        haze_per_m = 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m
         falling = self.precipitation
-        return haze_per_m if falling is None else haze_per_m + falling.extinction_per_m
+        return self.haze_per_m if falling is None else self.haze_per_m + falling.extinction_per_m
+
+    @property
+    def haze_per_m(self) -> float:
+        """Extinction by haze and fog alone."""
+        return 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m

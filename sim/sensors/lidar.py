@@ -29,6 +29,7 @@ from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, swee
 from sim.frame.mount import Mount
 from sim.sensors.lidar_drops import FalseReturns
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
+from sim.sensors.lidar_fog import fog_returns
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
@@ -87,6 +88,9 @@ class Lidar(InstalledSensor):
         self._pattern = p.pattern.over(self.period_ns)
         self._receiver = Receiver(p, rays=count, seed=installation.seed, name=self.name)
         self._drops = self._false_returns(installation)
+        self._fog = fog_returns(
+            installation.scene.haze_per_m, p, seed=installation.seed, name=self.name, geom_of_drop=len(self._class) - 1
+        )
         self._footprint = _FOOTPRINT if p.beam_divergence_rad > 0.0 else _FOOTPRINT[:1]
         m = len(self._footprint)
         self._range = np.empty((m, count))
@@ -231,7 +235,9 @@ class Lidar(InstalledSensor):
             echoes = choose_echoes(
                 self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m
             )
-        return echoes if self._drops is None else self._drops.added(echoes, rays.place, seq * len(rays.place))
+        if self._drops is not None:
+            echoes = self._drops.added(echoes, rays.place, seq * len(rays.place))
+        return echoes if self._fog is None else self._fog.added(echoes, rays.place, seq)
 
     def _false_returns(self, installation: Installation) -> FalseReturns | None:
         falling = installation.scene.weather.precipitation

@@ -28,8 +28,9 @@ class LidarParameters(StrictModel):
     intensity_falloff_m: Distance | None = None
     beam_divergence_rad: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # full angle; 0: one ray per point
     aperture_m: Annotated[float, Field(ge=0.0, le=0.5)] = 0.01  # width of the beam at the device; drops matter by it
-    # Strength of the weakest echo of a drop that the receiver reports at any range, however near.
+    # Strength of the weakest echo of a drop or of fog that the receiver reports at any range, however near.
     least_drop_echo: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
+    pulse_s: Annotated[float, Field(ge=1e-9, le=1e-7)] = 2e-8  # half-power width; fog returns light by it
     echo: Literal["strongest", "first", "last"] = "strongest"  # for a beam that hits several surfaces
     echo_separation_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.3  # surfaces closer to each other give one echo
     rolling: bool = True  # false: the whole sweep at the instant of capture
