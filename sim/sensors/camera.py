@@ -10,7 +10,7 @@ All channels of a sample show one instant, `t_capture_ns`, the time of the tick,
   stand still during the exposure. The other channels belong to the middle of the exposure.
 
 Rain and snow draw streaks (sim/frame/rain_streaks.py). They, noise, gain and vignetting change colour only,
-`depth_noise` the planar depth only; every other channel is the truth.
+`depth_noise` the planar depth only, `infrared` the channel of that name only; every other channel is the truth.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
 from sim.frame.rain_streaks import USUAL_EXPOSURE_S, RainStreaks
 from sim.frame.source import ExposingRenderer, Renderer, channel_array
+from sim.frame.thermal_device import ThermalDevice
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
@@ -73,6 +74,10 @@ class Camera(InstalledSensor):
         if p.depth_noise is not None and "depth" in p.channels:
             self._depth = DepthSensor(p.depth_noise, noise_key(installation.seed, f"{self.name}.depth"))
 
+        self._thermal = None
+        if p.infrared is not None and "infrared" in p.channels:
+            self._thermal = ThermalDevice(p.infrared, noise_key(installation.seed, f"{self.name}.infrared"))
+
     def sample(self, truth: TruthState, seq: int) -> ImageSample:
         """Return picture `seq`."""
         t_ns = truth.t_ns
@@ -80,6 +85,8 @@ class Camera(InstalledSensor):
         if self._shared is not None:
             self._shared.expect(truth)
         pictures: dict[str, NDArray[Any]] = {name: channel_array(name, self.model) for name in self.channels}
+        if self._thermal is not None and "temperature" not in pictures:
+            pictures["temperature"] = channel_array("temperature", self.model)
         sensor, raw = self._sensor, self._raw
         if self._exposing is not None and "rgb" in pictures:
             self._draw_exposure(truth, seq, pictures, self._exposing)
@@ -91,6 +98,10 @@ class Camera(InstalledSensor):
             self._rain.draw(pictures["rgb"], self.mount.pose(truth), seq)
         if self._depth is not None:
             self._depth.measure(pictures["depth"], seq)
+        if self._thermal is not None:
+            self._thermal.measure(pictures["temperature"], seq, pictures["infrared"])
+            if "temperature" not in self.channels:
+                del pictures["temperature"]
         for picture in pictures.values():
             picture.flags.writeable = False
         pose = self.mount.pose(truth)
