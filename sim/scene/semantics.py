@@ -132,10 +132,10 @@ def surfaces(
 ) -> tuple[NDArray[np.uint8], tuple[Surface, ...]]:
     """Return the surface id of each geom, and the surfaces by id: 0 of nothing, 1 the default, then the others."""
     table: dict[Surface, int] = {NO_SURFACE: 0, default: 1}
-    used = [surface_by_material[name] for name in names.materials if name in surface_by_material]
-    for surface in sorted(used, key=lambda surface: surface.retroreflection > 0.0):  # retroreflectors are the last
-        table.setdefault(surface, len(table))
-    number = [table[surface_by_material[name]] if name in surface_by_material else 1 for name in names.materials]
+    number = [
+        table.setdefault(surface_by_material[name], len(table)) if name in surface_by_material else 1
+        for name in names.materials
+    ]
     if len(table) > MAX_SURFACES:
         raise ValueError(f"holds more than {MAX_SURFACES} different surfaces")
     geom_surface = np.array([*number, 1], np.uint8)[model.geom_matid]  # material -1 selects the last entry, the default

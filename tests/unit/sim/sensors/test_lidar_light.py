@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,13 +92,9 @@ def test_plates_and_signs_of_the_maps_are_bright_only_if_switched_on() -> None:
     assert set(off.range_m.tolist()) <= set(on.range_m.tolist())
 
 
-def test_surfaces_keep_their_numbers() -> None:
-    """Retroreflectors come last in the table, so that ids of the channel `material` stay."""
-    world, *_ = street_sweep(retroreflectors=False)
-    has = [surface.retroreflection > 0.0 for surface in world.surfaces]
-    assert has == sorted(has)
+def test_maps_of_your_own_may_name_them() -> None:
     assert SURFACES["number_plate"] is NUMBER_PLATE
-    assert replace(SIGN_SHEETING, retroreflection=0.0) in set(SURFACES.values()) | {*world.surfaces}
+    assert SURFACES["sign_sheeting"] is SIGN_SHEETING
 
 
 # The sun ---------------------------------------------------------------------------------------------------------
