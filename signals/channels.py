@@ -1,6 +1,6 @@
 """Channels of a camera: type, unit, frame and look of each. Everything that handles pictures reads this table.
 
-A channel with sources (`of`) is computed from other channels, by a function `fill` in sim/frame/derived/NAME.py; one
+A channel with sources (`of`) is computed from channels before it in the table, by sim/frame/derived/NAME.py; one
 without is drawn by the raster (sim/native/frame/resolve.hpp).
 """
 
@@ -50,4 +50,7 @@ CHANNELS: dict[str, Channel] = {
     "normal": Channel(np.float32, 3, "1", "C", "direction", "surface normals", 0),  # towards the camera
     "radial_velocity": Channel(np.float32, 1, "m/s", "along the ray", "speed", "radial velocity", 0),  # + recedes
     "material": Channel(np.uint8, 1, "surface id", "-", "ids", "surfaces", 0),
+    # Of the black body that sends as much light in 8 to 14 um; and as a thermal camera gives it.
+    "temperature": Channel(np.float32, 1, "K", "-", "value", "apparent temperature", of=("range", "geom", "normal")),
+    "infrared": Channel(np.uint16, 1, "counts", "-", "value", "thermal camera", of=("temperature",)),
 }

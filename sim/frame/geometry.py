@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sim._kernels import Geometry, RayCaster, Reach, SceneActors, Scenery
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import alpha_masks, make_scenery
+from sim.frame.wet_surface import soaks, wetness
 from sim.scene.scene_map import Actor
 from sim.scene.world import World
 
@@ -43,7 +44,7 @@ class FrameGeometry:
         self.left_out = -1
         self.prepared: dict[Any, Any] = {}  # shared by all views: shadow maps, the ray caster
         model = world.model
-        self.scenery: Scenery = make_scenery(model, appearances=world.geom_appearance)
+        self.scenery: Scenery = make_scenery(model, appearances=world.geom_appearance, wet=_wet(world))
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         actor_geoms = [_geoms_of(actor, model) for actor in world.map.actors]
@@ -120,6 +121,15 @@ class FrameGeometry:
         self._actors.leave_out(self.left_out)
         self.posed += self._actors.pose_within(self.t_ns, reach)
         self._absent = self._actors.absent(self.t_ns)
+
+
+def _wet(world: World) -> list[float]:
+    """Return the share of the wet look of each geom; empty without rain."""
+    share = wetness(world.scene.weather.rain_mm_per_h)
+    if share == 0.0:
+        return []
+    by_surface = [share if soaks(surface) else 0.0 for surface in world.surfaces]
+    return [by_surface[surface] for surface in world.geom_surface.tolist()]
 
 
 def add_geoms(native: Geometry, world: World, data: mujoco.MjData, is_moving: NDArray[np.bool_]) -> None:

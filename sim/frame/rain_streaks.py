@@ -31,6 +31,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.scene.precipitation import Precipitation
 
+USUAL_EXPOSURE_S = 0.008  # of a camera that states none
 _VISIBLE = 0.004  # opacity that changes a pixel by about half a code
 _CLASSES = 64  # of width
 _NEAR_M = 0.2

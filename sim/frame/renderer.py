@@ -19,7 +19,7 @@ from sim import _kernels
 from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SkyVisibility, SunShadows, mean_of_four
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.camera_pose import CameraPose
-from sim.frame.derived import fill_of
+from sim.frame.derived import Fill, View, fill_of
 from sim.frame.geometry import FrameGeometry
 from sim.frame.shading import PLAIN, Shading
 from sim.scene.light import Light, light_in_haze
@@ -96,7 +96,10 @@ class FrameRenderer:
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, execution.skips
         self._edges = _edges(camera)
         self._sources: dict[str, NDArray[Any]] = {}  # of derived channels, where the caller does not want them
-        self._classes = Classes(geometry.world.class_names, geometry.world.class_colours)
+        self._fills: dict[str, Fill] = {}
+        self._view = View(
+            geometry, camera, Classes(geometry.world.class_names, geometry.world.class_colours), shadows=shadows
+        )
         scenery = geometry.scenery if shading.textures else geometry.plain_scenery
         made = (shading.native(), isa)
         self._picture = _picture(geometry, scenery, camera, 1, *made)
@@ -132,13 +135,9 @@ class FrameRenderer:
                 raise KeyError(f"no channel {name!r}; channels: {', '.join(CHANNELS)}")
         if not out:
             return
-        derived = [name for name in out if CHANNELS[name].of]
-        arrays = {name: array for name, array in out.items() if name not in derived}
-        for source in {source for name in derived for source in CHANNELS[name].of} - arrays.keys():
-            if source not in self._sources:
-                self._sources |= self.buffers(source)
-            arrays[source] = self._sources[source]
-        sources = dict(arrays)
+        sources = self._with_sources(out)
+        derived = [name for name in CHANNELS if name in sources and CHANNELS[name].of]
+        arrays = {name: array for name, array in sources.items() if name not in derived}
         shadows = self._shadows if "rgb" in arrays else None
         # With shadows all actors are posed: an actor out of sight may cast a visible shadow.
         skip_unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
@@ -157,8 +156,23 @@ class FrameRenderer:
         if arrays:
             self._draw(self._picture, pose, shadows, arrays, first, last, self._finer)
         for name in derived:
+            if name not in self._fills:
+                self._fills[name] = fill_of(name, self._view)
             rows_of = {source: sources[source][first:last] for source in CHANNELS[name].of}
-            fill_of(name)(rows_of, self._classes, out[name][first:last])
+            self._fills[name](rows_of, pose, first, sources[name][first:last])
+
+    def _with_sources(self, out: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return the arrays of `out`, and own ones of all channels that these are computed from."""
+        arrays = dict(out)
+        wanted = [source for name in out for source in CHANNELS[name].of]
+        while wanted:
+            source = wanted.pop()
+            wanted += CHANNELS[source].of
+            if source not in arrays:
+                if source not in self._sources:
+                    self._sources |= self.buffers(source)
+                arrays[source] = self._sources[source]
+        return arrays
 
     def _draw(
         self,

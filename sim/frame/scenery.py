@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim._kernels import Geometry, Scenery
+from sim.frame.wet_surface import wet_colour, wet_gloss
 from sim.scene.semantics import has_material_colour
 from sim.scene.surface_appearance import NO_SHIFT, SurfaceAppearance, shifted
 
@@ -34,13 +35,16 @@ def make_scenery(
     model: mujoco.MjModel,
     *,
     appearances: Sequence[SurfaceAppearance | None] = (),
+    wet: Sequence[float] = (),
 ) -> Scenery:
     """Return colours and textures of every geom of `model`.
 
-    `appearances`: random change of each geom's surface; None: unchanged.
+    `appearances`: random change of each geom's surface; None: unchanged. `wet`: share of the wet look of each geom
+    (sim/frame/wet_surface.py); empty: all are dry.
     """
     scenery = Scenery()
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
+    means: dict[int, tuple[float, float, float]] = {}
     reliefs: dict[tuple[int, tuple[float, float]], int] = {}
     uses_material = has_material_colour(model)
     masked = open_texels(model)
@@ -77,8 +81,22 @@ def make_scenery(
                 repeat = (repeat[0] / appearance.scale, repeat[1] / appearance.scale)
             if texture < 0:  # texels are changed already
                 r, g, b = appearance.colour((r, g, b))
+        if wet and wet[geom] > 0.0:
+            mean = (1.0, 1.0, 1.0) if texture < 0 else _mean_texel(model, rgb_texture(model, material), means)
+            (r, g, b), gloss = wet_colour((r, g, b), mean, wet[geom]), wet_gloss(gloss, wet[geom])
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform, *gloss, relief)
     return scenery
+
+
+def _mean_texel(
+    model: mujoco.MjModel, texture: int, means: dict[int, tuple[float, float, float]]
+) -> tuple[float, float, float]:
+    """Return the mean sRGB code / 255 of a texture; `means`: of those before."""
+    if texture not in means:
+        texels = texels_of(model, texture).reshape(-1, 3)
+        r, g, b = (int(total) / (255.0 * len(texels)) for total in texels.sum(axis=0, dtype=np.int64))
+        means[texture] = (r, g, b)
+    return means[texture]
 
 
 def _gloss(model: mujoco.MjModel, material: int) -> tuple[float, float, float]:

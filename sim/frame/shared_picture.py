@@ -26,7 +26,7 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.source import Renderer, channel_array
 
 _NEVER_NS = -1
-CHANGED_BY_CAMERAS = frozenset({"rgb", "depth"})  # channels with the camera's noise, gain and blur
+CHANGED_BY_CAMERAS = frozenset({"rgb", "depth", "infrared"})  # channels with the camera's noise, gain and blur
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,11 @@ class SurfaceValues(StrictModel):
     relative_permittivity: Annotated[float, Field(ge=1.0, le=1000.0)]
     conductivity_s_per_m: Annotated[float, Field(ge=0.0, le=1e9)]
     roughness_m: Annotated[float, Field(ge=0.0, le=1.0)]
+    retroreflection: Annotated[float, Field(ge=0.0, le=2000.0)] = 0.0
 
     @property
     def surface(self) -> Surface:
-        return Surface(self.lidar_reflectivity, self.relative_permittivity, self.conductivity_s_per_m, self.roughness_m)
+        return Surface(**self.model_dump())
 
 
 class GeneratedMap(StrictModel):

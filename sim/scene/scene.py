@@ -108,8 +108,13 @@ class Scene(StrictModel):
 
     @property
     def extinction_per_m(self) -> float:
-        """Extinction of visible light by haze and fog; 0 in clear air."""
+        """Extinction of visible light by haze, fog, rain and snow; 0 in clear air."""
         return self.light.fog_per_m + self.weather.extinction_per_m
+
+    @property
+    def haze_per_m(self) -> float:
+        """Extinction of visible light by haze and fog alone."""
+        return self.light.fog_per_m + self.weather.haze_per_m
 
     @property
     def file(self) -> SceneFile:

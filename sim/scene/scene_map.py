@@ -25,6 +25,7 @@ class Surface:
     relative_permittivity: float  # real part, 60 GHz
     conductivity_s_per_m: float  # 60 GHz
     roughness_m: float  # rms height
+    retroreflection: float = 0.0  # R_A of EN 12899-1, head on [cd / (lx m2)]; 0: none
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ Permittivity and conductivity at 60 GHz:
 
 An imaginary part eps'' at 60 GHz is a conductivity of eps'' * 3.338 S/m.
 
+Retroreflection is the least that EN 12899-1 (class RA2, white) asks of a road sign and ISO 7591 of a number plate.
+
 Reflectivity at 905 nm is rounded from the ECOSTRESS spectral library (Meerdink et al., Remote Sens. Environ. 230,
 2019); the values of paint and cloth, which vary with the dye, are averages. Roughness is an order of magnitude.
 """
@@ -49,11 +51,13 @@ RUBBER = Surface(0.06, 5.0, 0.5, 1e-3)
 PLASTIC = Surface(0.40, 2.6, 0.05, 1e-5)
 BLACK_PLASTIC = Surface(0.06, 2.6, 0.05, 1e-5)  # coloured by carbon black
 CARBON_FIBRE = Surface(0.06, 1.0, 1e4, 1e-5)
+SIGN_SHEETING = Surface(0.75, 3.18, 0.334, 3e-4, retroreflection=250.0)  # otherwise as road paint
+NUMBER_PLATE = Surface(0.40, 2.6, 0.05, 1e-5, retroreflection=70.0)  # otherwise as plastic
 PROPELLER = Surface(0.06, 3.5, 0.1, 1e-5)  # of drones; radars tell rotor blades by it
 # Surfaces by name, which a scene assigns to the materials of its MJCF.
 _NAMES = """
     concrete brick wood metal glass asphalt soil grass water plastic plaster roof_tile stone painted_metal gravel sand
-    rubber
+    rubber sign_sheeting number_plate
 """
 SURFACES: dict[str, Surface] = {name: globals()[name.upper()] for name in _NAMES.split()}
 SURFACES |= {"foliage": LEAVES, "skin_clothes": CLOTH}

@@ -20,15 +20,19 @@ from signals.documents.validate import StrictModel
 from sim.scene.precipitation import Precipitation, rain, snow
 
 CONTRAST_EXPONENT = 3.912  # -ln 0.02
+NEAREST_VISIBILITY_M, MOST_RAIN_MM_PER_H, MOST_SNOW_MM_PER_H = 10.0, 200.0, 10.0
 HAZE_M = 300.0  # typical thickness of a layer of fog or of the haze over a city
 
 
 class Weather(StrictModel):
     """Visibility of the air, rain and snow."""
 
-    visibility_m: Annotated[float, Field(ge=10.0, le=1e6)] | None = None  # of haze and fog alone; null: clear
-    rain_mm_per_h: Annotated[float, Field(ge=0.0, le=200.0)] = 0.0  # drizzle 1, a shower 10, a cloudburst 100
-    snow_mm_per_h: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0  # dry snow, as water: about 1 cm of snow per mm
+    # Of haze and fog alone; null: clear.
+    visibility_m: Annotated[float, Field(ge=NEAREST_VISIBILITY_M, le=1e6)] | None = None
+    # Drizzle 1, a shower 10, a cloudburst 100.
+    rain_mm_per_h: Annotated[float, Field(ge=0.0, le=MOST_RAIN_MM_PER_H)] = 0.0
+    # Dry snow, as water: about 1 cm of snow per mm.
+    snow_mm_per_h: Annotated[float, Field(ge=0.0, le=MOST_SNOW_MM_PER_H)] = 0.0
 
     @model_validator(mode="after")
     def _one_kind(self) -> Weather:
@@ -46,6 +50,10 @@ class Weather(StrictModel):
     @property
     def extinction_per_m(self) -> float:
         """Extinction beta; 0 in clear air."""
-        haze_per_m = 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m
         falling = self.precipitation
-        return haze_per_m if falling is None else haze_per_m + falling.extinction_per_m
+        return self.haze_per_m if falling is None else self.haze_per_m + falling.extinction_per_m
+
+    @property
+    def haze_per_m(self) -> float:
+        """Extinction by haze and fog alone."""
+        return 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m

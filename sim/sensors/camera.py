@@ -9,8 +9,9 @@ All channels of a sample show one instant, `t_capture_ns`, the time of the tick,
 * motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture. People and vehicles
   stand still during the exposure. The other channels belong to the middle of the exposure.
 
-Rain and snow draw streaks (sim/frame/rain_streaks.py). They, noise, gain and vignetting change colour only,
-`depth_noise` the planar depth only; every other channel is the truth.
+Rain and snow draw streaks (sim/frame/rain_streaks.py), rain drops on the window (lens_drops.py). They, noise, gain
+and vignetting change colour only, `depth_noise` the planar depth only, `infrared` the channel of that name only;
+every other channel is the truth.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from numpy.typing import NDArray
 from signals.noise import noise_key
 from signals.samples import ImageSample, TruthState
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
+from sim.frame.lens_drops import LensDrops
 from sim.frame.mount import Mount
-from sim.frame.rain_streaks import RainStreaks
+from sim.frame.rain_streaks import USUAL_EXPOSURE_S, RainStreaks
 from sim.frame.source import ExposingRenderer, Renderer, channel_array
+from sim.frame.thermal_device import ThermalDevice
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-_USUAL_EXPOSURE_S = 0.008  # of a camera without motion blur, for the streaks of rain
 BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the minimum that a renderer draws
 
 
@@ -70,9 +72,19 @@ class Camera(InstalledSensor):
         self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
         self._raw = channel_array("rgb", self.model) if self._sensor is not None else None
         self._rain = self._falling(installation, p) if "rgb" in p.channels else None
+        self._drops: LensDrops | None = None
+        falling = installation.scene.weather.precipitation
+        if p.lens_drops is not None and falling is not None and not falling.flakes and "rgb" in p.channels:
+            self._drops = LensDrops(
+                falling, self.model, p.lens_drops, noise_key(installation.seed, f"{self.name}.window")
+            )
         self._depth = None
         if p.depth_noise is not None and "depth" in p.channels:
             self._depth = DepthSensor(p.depth_noise, noise_key(installation.seed, f"{self.name}.depth"))
+
+        self._thermal = None
+        if p.infrared is not None and "infrared" in p.channels:
+            self._thermal = ThermalDevice(p.infrared, noise_key(installation.seed, f"{self.name}.infrared"))
 
     def sample(self, truth: TruthState, seq: int) -> ImageSample:
         """Return picture `seq`."""
@@ -81,6 +93,8 @@ class Camera(InstalledSensor):
         if self._shared is not None:
             self._shared.expect(truth)
         pictures: dict[str, NDArray[Any]] = {name: channel_array(name, self.model) for name in self.channels}
+        if self._thermal is not None and "temperature" not in pictures:
+            pictures["temperature"] = channel_array("temperature", self.model)
         sensor, raw = self._sensor, self._raw
         if self._exposing is not None and "rgb" in pictures:
             self._draw_exposure(truth, seq, pictures, self._exposing)
@@ -90,8 +104,14 @@ class Camera(InstalledSensor):
             self._draw_with_effects(truth, seq, pictures, sensor, raw)
         if self._rain is not None:
             self._rain.draw(pictures["rgb"], self.mount.pose(truth), seq)
+        if self._drops is not None:
+            self._drops.draw(pictures["rgb"], t_ns)
         if self._depth is not None:
             self._depth.measure(pictures["depth"], seq)
+        if self._thermal is not None:
+            self._thermal.measure(pictures["temperature"], seq, pictures["infrared"])
+            if "temperature" not in self.channels:
+                del pictures["temperature"]
         for picture in pictures.values():
             picture.flags.writeable = False
         pose = self.mount.pose(truth)
@@ -187,7 +207,7 @@ class Camera(InstalledSensor):
         return RainStreaks(
             falling,
             self.model,
-            exposure_s=_USUAL_EXPOSURE_S if p.motion_blur is None else p.motion_blur.exposure_s,
+            exposure_s=USUAL_EXPOSURE_S if p.motion_blur is None else p.motion_blur.exposure_s,
             wind_W_mps=scene.wind_W_mps,
             key=noise_key(installation.seed, f"{installation.name}.rain"),
         )

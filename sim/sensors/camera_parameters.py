@@ -108,6 +108,24 @@ class DepthNoise(StrictModel):
         return self
 
 
+class Infrared(StrictModel):
+    """Output of a thermal camera (sim/frame/thermal_device.py): noise and counts of the channel `infrared`."""
+
+    netd_k: Annotated[float, Field(ge=0.0, le=10.0)]  # noise at 300 K, 1 sigma
+    counts_per_k: Annotated[float, Field(gt=0.0, le=1000.0)] = 100.0
+    zero_k: Annotated[float, Field(ge=0.0, le=400.0)] = 0.0  # temperature of 0 counts
+    bits: Annotated[int, Field(ge=8, le=16)] = 16
+
+
+class LensDrops(StrictModel):
+    """Raindrops on the camera's window (sim/frame/lens_drops.py); the defaults are choices."""
+
+    stay_s: Annotated[float, Field(ge=0.1, le=60.0)] = 4.0  # mean
+    exposed: Annotated[float, Field(gt=0.0, le=1.0)] = 0.3  # share of a level window's drops
+    pupil_mm: Annotated[float, Field(ge=0.2, le=50.0)] = 2.0
+    distance_mm: Annotated[float, Field(ge=1.0, le=200.0)] = 10.0  # from the pupil to the window
+
+
 class CameraParameters(StrictModel):
     """Parameters of one camera. Its axis is at the middle of the picture unless `intrinsics` differ."""
 
@@ -145,6 +163,8 @@ class CameraParameters(StrictModel):
     noise: LightNoise | None = None
     motion_blur: MotionBlur | None = None
     depth_noise: DepthNoise | None = None
+    lens_drops: LensDrops | None = None  # null: the window stays dry in rain
+    infrared: Infrared | None = None  # null: no noise, 0.01 K a count
     # Readout time from the first row to the last; 0: global shutter.
     rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0

@@ -29,8 +29,11 @@ from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, swee
 from sim.frame.mount import Mount
 from sim.sensors.lidar_drops import FalseReturns
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
+from sim.sensors.lidar_fog import fog_returns
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
+from sim.sensors.lidar_retro import Retroreflectors
+from sim.sensors.lidar_sun import SunNoise, with_true_intensity
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
 
@@ -86,7 +89,15 @@ class Lidar(InstalledSensor):
         self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
         self._pattern = p.pattern.over(self.period_ns)
         self._receiver = Receiver(p, rays=count, seed=installation.seed, name=self.name)
+        self._retro = Retroreflectors.of(world) if p.retroreflectors else None
+        self._sun: SunNoise | None = None
+        if p.sunlight is not None:
+            of_geom = np.append(self._reflectivity, 0.0)  # and of a drop
+            self._sun = SunNoise.of(installation.scene, p, of_geom, seed=installation.seed, name=self.name)
         self._drops = self._false_returns(installation)
+        self._fog = fog_returns(
+            installation.scene.haze_per_m, p, seed=installation.seed, name=self.name, geom_of_drop=len(self._class) - 1
+        )
         self._footprint = _FOOTPRINT if p.beam_divergence_rad > 0.0 else _FOOTPRINT[:1]
         m = len(self._footprint)
         self._range = np.empty((m, count))
@@ -113,6 +124,11 @@ class Lidar(InstalledSensor):
                 self._cast(rays, i, motion, self._middle_ns(i, len(rays.parts), t_ns))
         self._frames.expect(t_ns)
         echoes = self._echoes(rays, seq)
+        dimmed = None
+        if self._sun is not None:
+            n = len(rays.place)
+            seen = self._sun.seen(echoes, self._normal[:n], self._directions_W[:n], rays.place, seq)
+            echoes, dimmed = seen.echoes, seen.dimmed
         self._measured = rays, echoes.geom, motion
         cloud = self._receiver.measure(
             echoes,
@@ -122,6 +138,8 @@ class Lidar(InstalledSensor):
             offset_ns=rays.fired_ns,
             geom_class=self._class,
         )
+        if dimmed is not None:
+            cloud = with_true_intensity(cloud, dimmed[rays.place[self._receiver.reported]])
         q_WL: Quat = self.mount.attitude(truth)
         arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
         return PointCloudSample(
@@ -220,6 +238,8 @@ class Lidar(InstalledSensor):
             self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
             strength = self._strength[k, part]
             lambert_strength(geom, normal, directions_W, self._reflectivity, strength)
+            if self._retro is not None:
+                self._retro.add(geom, normal, directions_W, strength)
             if self._two_way_per_m > 0.0:
                 extinguish(range_m, self._two_way_per_m, strength)
 
@@ -231,7 +251,9 @@ class Lidar(InstalledSensor):
             echoes = choose_echoes(
                 self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m
             )
-        return echoes if self._drops is None else self._drops.added(echoes, rays.place, seq * len(rays.place))
+        if self._drops is not None:
+            echoes = self._drops.added(echoes, rays.place, seq * len(rays.place))
+        return echoes if self._fog is None else self._fog.added(echoes, rays.place, seq)
 
     def _false_returns(self, installation: Installation) -> FalseReturns | None:
         falling = installation.scene.weather.precipitation

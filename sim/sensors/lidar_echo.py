@@ -4,7 +4,7 @@ Light. A surface of reflectivity rho, hit at incidence theta, returns rho cos(th
 divergence is five rays: the middle and four at half the radius, each with a fifth of the light. Returns within
 `echo_separation_m` of each other are one echo at their mean range, weighted by light; of several echoes the device
 reports one. Haze, rain and snow of extinction beta attenuate each ray by exp(-2 beta r) (sim/scene/weather.py); drops
-and flakes give false returns (sim/sensors/lidar_drops.py), backscatter of haze is not modelled.
+and flakes (sim/sensors/lidar_drops.py) and fog (lidar_fog.py) give false returns.
 
 Loss. An echo of strength e = rho cos(theta) is detected up to
 

@@ -13,6 +13,14 @@ from sim.sensors.sensor import Attitude, Position, check_order
 Distance = Annotated[float, Field(gt=0.0, le=10_000.0)]
 
 
+class Sunlight(StrictModel):
+    """Noise of sunlight in the receiver; equations: sim/sensors/lidar_sun.py. The defaults are choices."""
+
+    white_ground_noise: Annotated[float, Field(gt=0.0, le=1000.0)] = 1.0  # variance, in parts of the receiver's own
+    threshold_sigma: Annotated[float, Field(ge=4.0, le=20.0)] = 8.0  # of detection, over the noise
+    greatest_rise: Annotated[float, Field(ge=1.0, le=1000.0)] = 4.0  # of the threshold
+
+
 class LidarParameters(StrictModel):
     """Pattern, limits and errors of a LiDAR; deviations are 1 sigma."""
 
@@ -28,10 +36,13 @@ class LidarParameters(StrictModel):
     intensity_falloff_m: Distance | None = None
     beam_divergence_rad: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # full angle; 0: one ray per point
     aperture_m: Annotated[float, Field(ge=0.0, le=0.5)] = 0.01  # width of the beam at the device; drops matter by it
-    # Strength of the weakest echo of a drop that the receiver reports at any range, however near.
+    # Strength of the weakest echo of a drop or of fog that the receiver reports at any range, however near.
     least_drop_echo: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
+    pulse_s: Annotated[float, Field(ge=1e-9, le=1e-7)] = 2e-8  # half-power width; fog returns light by it
     echo: Literal["strongest", "first", "last"] = "strongest"  # for a beam that hits several surfaces
     echo_separation_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.3  # surfaces closer to each other give one echo
+    retroreflectors: bool = False  # signs and number plates return light to where it came from
+    sunlight: Sunlight | None = None  # null: no noise of the sun
     rolling: bool = True  # false: the whole sweep at the instant of capture
     subsweeps: Annotated[int, Field(ge=1, le=1000)] = 10  # number of times that actors are posed in a sweep
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B

@@ -8,6 +8,11 @@ Each sample integrates the rate since the previous one by the trapezoidal rule (
 period; motion faster than half the sample rate is lost). Then scale error and noise are added and the result is
 rounded. Quality falls from its best value at the ground to a third of it at the maximum distance. Quality and flow are
 0 if the ground is out of range, the tilt too great, or the flow faster than the device can track.
+
+Haze, rain and snow of extinction beta leave the ground the contrast C = exp(-beta d) (Koschmieder, scene/weather.py).
+Quality falls to the share C. The error of a displacement found by correlation is inversely proportional to the gradient
+of the picture (Sutton et al., "Image correlation for shape, motion and deformation measurements", Springer 2009, ch.
+5), so the noise is 1 / C times as great. Below C = 0.1 the device finds nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from signals._kernel import det_cos, rotate_into_body
+from signals._kernel import det_cos, det_exp, rotate_into_body
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream
 from signals.rotation import cos_tilt_of
@@ -29,6 +34,7 @@ from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
 _UNKNOWN_M = -1.0
+_LEAST_CONTRAST = 0.1  # a choice
 
 
 class OpticalFlowParameters(StrictModel):
@@ -79,6 +85,7 @@ class OpticalFlow(InstalledSensor):
         )
         self._p = p
         self._range = GroundRange(installation.scene, p.mount_m, DOWN_B)
+        self._extinction_per_m = installation.scene.extinction_per_m
         self._white = NoiseStream(seed, f"{name}.white", lanes=7)  # flow, gyro, distance, quality
         scale = NoiseStream(seed, f"{name}.scale", lanes=2).normal(0)
         self._scale = (1.0 + p.flow_scale_error * scale[0], 1.0 + p.flow_scale_error * scale[1])
@@ -109,8 +116,13 @@ class OpticalFlow(InstalledSensor):
         dt = integration_ns / NS_PER_S
         half = 0.5 * dt
         seen = in_range and upright >= self._min_cosine and max(abs(fx), abs(fy)) <= p.max_flow_radps
+        contrast = 1.0
+        if self._extinction_per_m > 0.0:
+            contrast = det_exp(-self._extinction_per_m * max(true_m, 0.0))
+            seen = seen and contrast >= _LEAST_CONTRAST
         step = p.flow_resolution_rad
         noise = drawn_sigma(p.flow_noise_radps * dt, step)
+        noise = noise / contrast if seen else noise
         flow = (
             rounded(half * (old[1] + fx) * self._scale[0] + noise * n[0], step) if seen else 0.0,
             rounded(half * (old[2] + fy) * self._scale[1] + noise * n[1], step) if seen else 0.0,
@@ -124,7 +136,7 @@ class OpticalFlow(InstalledSensor):
         )
         quality = 0
         if seen:
-            quality = round(p.quality * (1.0 - true_m / (1.5 * p.max_distance_m)) + 4.0 * n[6])
+            quality = round(p.quality * contrast * (1.0 - true_m / (1.5 * p.max_distance_m)) + 4.0 * n[6])
             quality = min(max(quality, 1), p.quality)
         distance = max(0.0, true_m + p.range_noise_m * n[5]) if p.has_range and in_range else _UNKNOWN_M
         return FlowSample(

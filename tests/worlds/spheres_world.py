@@ -93,6 +93,8 @@ class FormulaRenderer:
             "segmentation": np.where(seen, np.where(geom > 0, 2, 1), 0),
             "material": np.where(geom > 0, 1, 0),
             "normal": np.where(seen[..., None], normal_W @ R_WC, 0.0),
+            "temperature": np.where(seen, 280.0 + geom, 230.0),
+            "infrared": np.where(seen, 28000 + 100 * geom, 23000),
             "radial_velocity": np.where(seen, np.sum((speed_W - camera_speed) * rays_W, axis=-1), 0.0),
         }
         assert np.all(np.isfinite(point_W))

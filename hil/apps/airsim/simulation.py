@@ -38,6 +38,7 @@ from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.forces.push import Push
 from sim.physics.multirotor import uneven, unfit
+from sim.scene.scene import Scene
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
@@ -79,8 +80,8 @@ class Simulation:
         self.drones: dict[str, Drone] = {}
         self._push_W_n = ned_from_enu(settings.external_force_n)
         self.frames = Frames(self.world, self.present, self.drones)
-        self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
+        self.radars = Radars(bench, self.frames, self.present_scene)
         self.drawings = Drawings(self.frame, lambda: self.world.t_ns, log)
         self.begin_at(CALLS_EPOCH_NS)
         self.cameras = Cameras(
@@ -91,7 +92,12 @@ class Simulation:
         self._site = self.scene.site.model_copy(update=place)
         self.paused = False
         self.recorder = Recorder(
-            settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
+            settings.recording,
+            self.cameras,
+            self.drones,
+            lambda: self.present_scene().weather,
+            default=settings.default_vehicle,
+            log=log,
         )
         self.files = ClientFiles(lambda: Path("runs"))
         self._starts = Starts(self.scene, self.frame, self.present, on_ground=self.flies, log=log)
@@ -130,6 +136,10 @@ class Simulation:
                 "Use one of these names, or add the vehicle to Vehicles of settings.json"
             )
         return found
+
+    def present_scene(self) -> Scene:
+        """Return the scene in the present weather: another object after a client changed it."""
+        return self.surroundings.present(self.scene)
 
     def push(self, force_W_n: Vec3) -> None:
         """Set the external force on each vehicle that flies, those that are added later too."""
@@ -246,7 +256,7 @@ class Simulation:
             origin = self._origin(settings, vehicle)
         measured = Measured(
             name,
-            self.scene,
+            self.present_scene,
             self._site,
             self.present,
             altitude_m=lambda p_W: self.earth.geodetic(p_W)[2],

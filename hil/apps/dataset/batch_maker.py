@@ -227,6 +227,7 @@ class BatchWriter:
             "segmentation": encoder.class_png,
             "instance": encoder.instance_png,
             "normal": encoder.normal_png,
+            "infrared": encoder.counts_png,
         }
         png = {channel: encoders[channel](channels[channel]) for channel in channels if channel in encoders}
         for channel in channels:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
@@ -25,12 +26,16 @@ from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import NedFrame
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.run.stepped.world import SteppedWorld
+from signals.noise import noise_key
+from signals.samples import Vec3
 from sim._kernels import SunShadows
 from sim.frame.camera_model import CameraModel
 from sim.frame.quality import QUALITIES
+from sim.frame.rain_streaks import USUAL_EXPOSURE_S, RainStreaks
 from sim.frame.renderer import Execution, FrameRenderer
 from sim.frame.source import SharedFrames
 from sim.scene.light import Light
+from sim.scene.weather import Weather
 
 NEAR_M, FAR_M = 0.05, 20_000.0
 _MOST_RENDERERS = 48
@@ -71,6 +76,8 @@ class Cameras:
         }
         self._renderers: dict[_View, FrameRenderer] = {}
         self._generation = -1
+        self._streaks: dict[tuple[str, CameraModel], RainStreaks] = {}
+        self._streaks_in: tuple[Weather, Vec3] | None = None  # weather and wind
         self._light_state: LightState | None = None
         self._light: Light | None = None
         self.segmentation = Segmentation(frames, settings.segmentation.random_ids)
@@ -143,7 +150,32 @@ class Cameras:
         self._renderers[view] = renderer  # the latest one is the last
         out = renderer.buffers(*channels)
         renderer.render(place.optical, out)
+        if colour:
+            self._draw_drops(camera, place, view[1], out["rgb"])
         return out
+
+    def _draw_drops(self, camera: ServedCamera, place: CameraPlace, model: CameraModel, rgb: NDArray[np.uint8]) -> None:
+        """Draw the streaks of rain and snow. Their noise depends on the camera and the tick alone."""
+        scene = self._surroundings.present(self._world.scene)
+        falling = scene.weather.precipitation
+        if falling is None:
+            return
+        if self._streaks_in != (scene.weather, self._world.wind_W_mps):
+            self._streaks_in = scene.weather, self._world.wind_W_mps
+            self._streaks.clear()
+        key = (camera.key, model)
+        if key not in self._streaks:
+            if len(self._streaks) >= _MOST_RENDERERS:
+                self._streaks.clear()
+            self._streaks[key] = RainStreaks(
+                falling,
+                model,
+                exposure_s=USUAL_EXPOSURE_S,
+                wind_W_mps=self._world.wind_W_mps,
+                key=noise_key(1, f"{camera.key}.rain"),
+            )
+        v_W = (0.0, 0.0, 0.0) if camera.drone is None else camera.drone.vehicle.truth.v_WB_W
+        self._streaks[key].draw(rgb, replace(place.optical, v_WC_W=v_W), self._world.tick)
 
     def _follow(self, frames: SharedFrames) -> None:
         """Drop the renderers of a world or a light that is gone."""

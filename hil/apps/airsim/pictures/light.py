@@ -1,8 +1,7 @@
 """Light and air of the scene at the time of day and in the weather that clients set.
 
 The sun stands where it is at the time of day and the place of the settings; the sky fades from 6 degrees above the
-horizon to 6 degrees below it. Fog, rain, snow and dust shorten the visibility: at intensity x of a kind whose
-visibility is V at full intensity, they add x^2 3.912 / V to the extinction. Wet roads and leaves have no effect.
+horizon to 6 degrees below it. Fog, rain, snow and dust shorten the view (hil/apps/airsim/world/surroundings.py).
 """
 
 from __future__ import annotations
@@ -11,14 +10,12 @@ from datetime import timedelta
 from typing import NamedTuple
 
 from hil.apps.airsim.settings.surroundings import Origin
-from hil.apps.airsim.world.surroundings import DUST, FOG, RAIN, SNOW, Surroundings
+from hil.apps.airsim.world.surroundings import Surroundings
 from signals.time import NS_PER_S
 from sim.scene.light import Light
 from sim.scene.scene import Scene
 from sim.scene.sun_position import sun_position_deg
-from sim.scene.weather import CONTRAST_EXPONENT
 
-_VISIBILITY_M = {FOG: 25.0, DUST: 60.0, SNOW: 150.0, RAIN: 600.0}
 _NIGHT, _TWILIGHT_DEG = 0.04, 6.0
 
 
@@ -38,7 +35,7 @@ def light_state(around: Surroundings, t_ns: int) -> LightState:
 def present_light(scene: Scene, around: Surroundings, origin: Origin, t_ns: int) -> Light:
     """Return the light, with the extinction of the whole air as its fog."""
     light = scene.light
-    changed: dict[str, object] = {"fog_per_m": min(scene.extinction_per_m + _extinction_per_m(around), 1.0)}
+    changed: dict[str, object] = {"fog_per_m": min(around.present(scene).extinction_per_m, 1.0)}
     if around.clock is not None and around.move_sun:
         step_ns = (t_ns - around.clock_t_ns) // around.update_ns * around.update_ns
         since_s = step_ns * around.clock_speed / NS_PER_S
@@ -52,12 +49,3 @@ def present_light(scene: Scene, around: Surroundings, origin: Origin, t_ns: int)
         for name in ("ambient_rgb", "sky_zenith_rgb", "sky_horizon_rgb"):
             changed[name] = tuple(day * component for component in getattr(light, name))
     return light.model_copy(update=changed)
-
-
-def _extinction_per_m(around: Surroundings) -> float:
-    if not around.weather_enabled:
-        return 0.0
-    return sum(
-        CONTRAST_EXPONENT / visibility_m * around.weather.get(kind, 0.0) ** 2
-        for kind, visibility_m in _VISIBILITY_M.items()
-    )

@@ -1,6 +1,7 @@
 """Recording of poses and pictures at an interval of simulated time, in AirSim's form.
 
 FOLDER/2026-01-31-12-00-00/airsim_rec.txt    one line per vehicle and instant, separated by tabs
+FOLDER/2026-01-31-12-00-00/weather.txt       a line at the begin and after each change of the weather
 FOLDER/2026-01-31-12-00-00/images/           img_VEHICLE_CAMERA_TYPE_TIME.png, .pfm for numbers, .ppm for raw pixels
 """
 
@@ -19,8 +20,10 @@ from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.settings.surroundings import RecordedImage, Recording
 from hil.apps.airsim.world.drone import Drone
 from signals.time import NS_PER_MS, NS_PER_S
+from sim.scene.weather import Weather
 
 _COLUMNS = ("VehicleName", "TimeStamp", "POS_X", "POS_Y", "POS_Z", "Q_W", "Q_X", "Q_Y", "Q_Z", "ImageFile")
+_WEATHER_COLUMNS = ("TimeStamp", "RainMmPerH", "SnowMmPerH", "VisibilityM")  # empty: clear
 
 
 class Recorder:
@@ -31,6 +34,7 @@ class Recorder:
         settings: Recording,
         cameras: Cameras,
         drones: Mapping[str, Drone],
+        weather: Callable[[], Weather],
         *,
         default: str,
         log: Callable[[str], None],
@@ -39,6 +43,8 @@ class Recorder:
         self.folder = Path(settings.folder) if settings.folder else Path("runs")
         self._settings, self._cameras, self._drones, self._log = settings, cameras, drones, log
         self._default = default
+        self._weather = weather
+        self._last_weather: Weather | None = None
         self._interval_ns = max(1, round(settings.interval_s * NS_PER_S))
         self._to: Path | None = None
         self._text: TextIO | None = None
@@ -72,6 +78,7 @@ class Recorder:
             ) from None
         self._to, self._next_ns, self.lines = folder, None, 0
         self._last.clear()
+        self._last_weather = None
         self._log(f"recording to {folder}")
 
     def stop(self) -> None:
@@ -88,6 +95,7 @@ class Recorder:
         due = t_ns if self._next_ns is None else self._next_ns
         self._next_ns = max(due + self._interval_ns, t_ns + 1)
         try:
+            self._record_weather(now_ns)
             for drone in self._drones.values():
                 self._record(drone, now_ns)
         except OSError as error:
@@ -96,6 +104,18 @@ class Recorder:
         except RpcError as error:
             self._log(f"the recording ends: {error}")
             self.stop()
+
+    def _record_weather(self, now_ns: int) -> None:
+        weather = self._weather()
+        if weather == self._last_weather or self._to is None:
+            return
+        with (self._to / "weather.txt").open("a", encoding="utf-8") as text:
+            if self._last_weather is None:
+                text.write("\t".join(_WEATHER_COLUMNS) + "\n")
+            values = (weather.rain_mm_per_h, weather.snow_mm_per_h)
+            visibility = "" if weather.visibility_m is None else f"{weather.visibility_m:.6g}"
+            text.write("\t".join((str(now_ns // NS_PER_MS), *(f"{v:.6g}" for v in values), visibility)) + "\n")
+        self._last_weather = weather
 
     def _record(self, drone: Drone, now_ns: int) -> None:
         assert self._text is not None

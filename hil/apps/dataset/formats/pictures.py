@@ -5,6 +5,7 @@
                 0: no surface; 65535: farther than 65534 steps
     class       8-bit grey: the class id; or indexed with the classes' colours as palette, as in Pascal VOC
     instance    16-bit grey: the instance id
+    infrared    16-bit grey: the counts
     normal      8-bit RGB: (x, y, z) of the unit normal in the camera frame as floor(127 n + 128.5);
                 (0, 0, 0): no surface
 
@@ -91,6 +92,11 @@ class PictureEncoder:
         """Encode instance ids, (height, width) uint16, as grey values."""
         _check("instance", instance, np.uint16, 1)
         return encode_png(instance)
+
+    def counts_png(self, infrared: UInt16) -> bytes:
+        """Encode counts of a thermal camera, (height, width) uint16, as grey values."""
+        _check("infrared", infrared, np.uint16, 1)
+        return encode_png(infrared, sub=True)
 
     def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
         """Encode unit normals in the camera frame, (height, width, 3) float32."""

@@ -43,7 +43,7 @@ def add_traffic_light(builder: MapBuilder, x: float, y: float, heading_rad: floa
 def add_stop_sign(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
     """Add a stop sign, 0.75 m across on a post of 2.6 m; its face looks along `heading_rad`."""
     builder.texture("stop_sign", textures.png("stop_sign"))
-    builder.material("stop_sign", surfaces.ROAD_PAINT, texture="stop_sign", specular=0.2, shininess=0.3)
+    builder.material("stop_sign", surfaces.SIGN_SHEETING, texture="stop_sign", specular=0.2, shininess=0.3)
     builder.material("signal_post", surfaces.METAL, rgb=(0.42, 0.44, 0.45), specular=0.4, shininess=0.4)
     post = builder.body("pole", (x, y, 0.0), yaw_quat(heading_rad))
     post.geom("cylinder", (0.035, 1.3), pos=(-0.05, 0.0, 1.3), material="signal_post", part="post")

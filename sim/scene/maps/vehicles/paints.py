@@ -33,7 +33,7 @@ def vehicle_materials(builder: MapBuilder) -> None:
     builder.material("vehicle_hair", surfaces.HAIR, rgb=(0.10, 0.07, 0.05), specular=0.0)
     for i in range(PLATES):
         builder.texture(f"plate_{i}", textures.png(f"plate_{i}"))
-        builder.material(f"vehicle_plate_{i}", surfaces.PLASTIC, texture=f"plate_{i}", specular=0.2)
+        builder.material(f"vehicle_plate_{i}", surfaces.NUMBER_PLATE, texture=f"plate_{i}", specular=0.2)
 
 
 def paint_material(builder: MapBuilder, paint: str) -> str:

@@ -20,7 +20,8 @@ from sim.world_loader import load_world
 from tests.unit.sim.frame.test_frame_raster import ALL, CAMERA, VIEWS, digest, picture
 from tests.worlds.spheres_world import FormulaFrames
 
-GEOMETRY = tuple(name for name in ALL if name != "rgb")
+# Levels with shadows know what is in the shade, which is cooler.
+GEOMETRY = tuple(name for name in ALL if name not in ("rgb", "temperature", "infrared"))
 
 
 @pytest.fixture(scope="module")

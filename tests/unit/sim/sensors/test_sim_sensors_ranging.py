@@ -247,6 +247,24 @@ def test_flow_quality_falls_with_height() -> None:
     assert max(low) == 255
 
 
+def test_flow_in_fog_loses_quality_by_the_contrast_and_gains_noise_by_its_inverse() -> None:
+    clear, foggy = (
+        made(
+            "optical_flow", IDEAL_FLOW | {"flow_noise_radps": 0.05}, scene=FIELD.model_copy(update={"weather": weather})
+        )
+        for weather in (Weather(), Weather(visibility_m=20.0))
+    )
+    contrast = math.exp(-3.912 / 20.0 * 4.0)
+    samples = [[sensor.sample(at(4.0, t_ns=k * 20_000_000), k) for k in range(4000)] for sensor in (clear, foggy)]
+    noise = [np.std([s.flow_rad for s in each]) for each in samples]
+    quality = [np.mean([s.quality for s in each[:400]]) for each in samples]
+    assert noise[1] / noise[0] == pytest.approx(1.0 / contrast, rel=0.01)
+    assert quality[1] / quality[0] == pytest.approx(contrast, rel=0.02)
+    lost = foggy.sample(at(12.0), 0)  # contrast 0.096
+    assert (lost.quality, lost.flow_rad) == (0, (0.0, 0.0))
+    assert foggy.sample(at(11.5), 0).quality > 0
+
+
 def test_flow_noise_has_the_stated_statistics() -> None:
     flow = made("optical_flow", IDEAL_FLOW | {"flow_noise_radps": 0.05, "gyro_noise_radps_per_rthz": 0.001})
     samples = [flow.sample(at(4.0, t_ns=k * 20_000_000), k) for k in range(5000)]

@@ -22,7 +22,7 @@ class Imu:
 
     def __init__(self, name: str, settings: kinds.Imu, measured: Measured) -> None:
         installation = Installation(
-            measured.stream(name), rate_hz=self.rate_hz, seed=1, scene=measured.scene, step_ns=measured.tick_ns
+            measured.stream(name), rate_hz=self.rate_hz, seed=1, scene=measured.scene(), step_ns=measured.tick_ns
         )
         self._sensor: Any = make_sensor(installation, kind="imu", overrides=_parameters(settings))
 

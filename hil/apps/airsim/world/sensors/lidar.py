@@ -15,6 +15,7 @@ from signals.noise import NoiseStream
 from signals.rotation import matrix_of
 from signals.samples import Quat, TruthState, Vec3
 from sim.frame.source import SharedFrames
+from sim.scene.scene import Scene
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
 
@@ -39,21 +40,23 @@ class Lidar:
         self._settings, self._measured = settings, measured
         self._stream = measured.stream(name)
         self._frames: SharedFrames | None = None
-        self._sensor: Any = None  # made for `_frames`
+        self._scene: Scene | None = None
+        self._sensor: Any = None  # made for `_frames` and `_scene`
 
     def sample(self, seq: int, truth: TruthState) -> Cloud:
         settings, frames = self._settings, self._measured.seen_at(truth.t_ns)
-        if frames is not self._frames:
+        scene = self._measured.scene()
+        if frames is not self._frames or scene is not self._scene:
             installation = Installation(
                 self._stream,
                 rate_hz=settings.rate_hz,
                 seed=1,
-                scene=self._measured.scene,
+                scene=scene,
                 step_ns=self._measured.tick_ns,
                 frames=frames,
             )
-            self._sensor = make_sensor(installation, kind="lidar", overrides=_parameters(settings))
-            self._frames = frames
+            self._sensor = make_sensor(installation, kind="lidar", overrides=_parameters(settings, scene))
+            self._frames, self._scene = frames, scene
         sample = self._sensor.sample(truth, seq)
         points, instances = in_view(sample.points_L, self._sensor.instances(), settings)
         if settings.noise_m:
@@ -61,8 +64,11 @@ class Lidar:
         return Cloud(sample.p_WL, sample.q_WL, points, instances, frames.world.instance_names)
 
 
-def _parameters(settings: kinds.Lidar) -> dict[str, Any]:
-    """Return parameters of sim.sensors.lidar: one turn per sample, all rays at once."""
+def _parameters(settings: kinds.Lidar, scene: Scene) -> dict[str, Any]:
+    """Return parameters of sim.sensors.lidar: one turn per sample, all rays at once.
+
+    In clear air all surfaces are seen up to the range, as in AirSim; in haze, rain and snow it is that of 10 %.
+    """
     n, (low, high) = settings.channels, settings.vertical_fov_deg
     step = (high - low) / (n - 1) if n > 1 else 0.0
     elevation_deg = [math.remainder(high - step * i, 360.0) for i in range(n)]
@@ -80,6 +86,7 @@ def _parameters(settings: kinds.Lidar) -> dict[str, Any]:
         },
         "min_range_m": 0.0,
         "max_range_m": settings.range_m,
+        "range_at_10_percent_m": settings.range_m if scene.extinction_per_m > 0.0 else None,
         "range_noise_m": 0.0,  # `with_range_noise`
         "range_resolution_m": 1e-6,
         "rolling": False,

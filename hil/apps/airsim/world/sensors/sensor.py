@@ -17,7 +17,7 @@ class Measured:
     """All that the sensors of one vehicle measure."""
 
     vehicle: str
-    scene: Scene
+    scene: Callable[[], Scene]  # in the present weather: another object after it changed
     site: Site  # of the origin of the vehicle's positions
     rays: Rays  # into the scene without vehicles
     altitude_m: Callable[[Vec3], float]  # of a point of W
