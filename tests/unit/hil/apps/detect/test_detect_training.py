@@ -298,3 +298,15 @@ def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -
     assert {len(order) for order in orders} == {100}
     drawn = np.mean([(order >= 95).sum() for order in orders])
     assert drawn == pytest.approx(5.0 * factors[-1], rel=0.15)
+
+
+def test_classes_can_be_given_and_the_input_be_larger(pictures: list[Picture], tmp_path: Path) -> None:
+    settings = train.Settings(**{**QUICK, "input_px": (480, 352)})
+    training = train.Training(pictures, [], settings, out=tmp_path, classes=("person", "zebra"))
+    assert training.classes == ("person", "zebra")
+    assert not {"person", "zebra"} & set(training.left_out)
+    model = export(
+        training.averaged, tmp_path / "large.onnx", training.classes, threshold=0.5, input_px=settings.input_px
+    )
+    assert model.input_px == (480, 352)
+    assert len(model.anchors_px) == len(training._anchors)
