@@ -125,7 +125,7 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
     with pytest.raises(ConfigError, match="no weights that fit"):
         other.load_weights(tmp_path / "other.pt")
     (tmp_path / "broken.pt").write_bytes(b"nothing")
-    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+    with pytest.raises(ConfigError, match="is not a file of PyTorch weights"):
         other.load_weights(tmp_path / "broken.pt")
     with pytest.raises(ConfigError, match="cannot be read"):
         other.load_weights(tmp_path / "missing.pt")
