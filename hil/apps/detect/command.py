@@ -63,17 +63,19 @@ def train_detector(
     *,
     out: Path,
     weights: Path | None = None,
+    keep_classes: bool = False,
     resume: bool = False,
     quiet: bool = False,
 ) -> Path:
     """Train, export and evaluate a detector, and return its .onnx file.
 
-    `weights` are PyTorch weights to start from. Raises ConfigError for unusable data or weights, RecordingError if a
-    file cannot be written.
+    `weights` are PyTorch weights to start from; with `keep_classes` the detector has their classes. Raises ConfigError
+    for unusable data or weights, RecordingError if a file cannot be written.
     """
     make_client_importable()
     try:
         from hil.apps.detect.training import export
+        from hil.apps.detect.training.start_weights import read_start_weights
         from hil.apps.detect.training.train import Training
     except ImportError as error:
         hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating work without it"
@@ -81,7 +83,13 @@ def train_detector(
     from hil.apps.detect.picture_store import digest
 
     pictures, validation, test = data.read()
-    training = Training(pictures, validation, settings, out=out)
+    classes: tuple[str, ...] = ()
+    if keep_classes:
+        classes = () if weights is None else read_start_weights(weights).classes
+        if not classes:
+            hint = "give the .pt of a model with its .json beside it, or a last.pt, with --weights"
+            raise ConfigError([Problem("--keep-classes", "needs weights whose classes are known", hint)])
+    training = Training(pictures, validation, settings, out=out, classes=classes)
     if weights is not None:
         loaded, total = training.load_weights(weights)
         console.print(f"{loaded} of {total} tensors loaded from {weights}", markup=False)
@@ -97,7 +105,7 @@ def train_detector(
             console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
         _run_training(training, settings.epochs, console, out, quiet=quiet)
         path = out / f"{NAME}.onnx"
-        model = export.export(training.averaged, path, training.classes, threshold=0.5)
+        model = export.export(training.averaged, path, training.classes, threshold=0.5, input_px=settings.input_px)
         validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
         model = export.with_threshold(model, validation_result.threshold_for())
         test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None
@@ -162,18 +170,20 @@ def evaluate_detector(
     part: str = "test",
     backend: str = "opencv",
     threshold: float | None = None,
+    smallest_px: int | None = None,
     json_file: Path | None = None,
     quiet: bool = False,
 ) -> Evaluation:
     """Evaluate a model on data sets, print and return the result.
 
-    Raises ConfigError for an unusable model or data set, RecordingError if `json_file` cannot be written.
+    Objects of fewer than `smallest_px` visible pixels do not count. Raises ConfigError for an unusable model or data
+    set, RecordingError if `json_file` cannot be written.
     """
     make_client_importable()
     from hil_companion.detect.model_file import ModelFile
     from hil_companion.errors import OptionError
 
-    from hil.apps.detect.pictures import read_data_sets
+    from hil.apps.detect.pictures import read_data_sets, with_smallest
 
     try:
         model = ModelFile.load(weights)
@@ -182,6 +192,8 @@ def evaluate_detector(
     if threshold is not None:
         model = replace(model, score_threshold=threshold)
     pictures = read_data_sets(data_sets, part)
+    if smallest_px is not None:
+        pictures = with_smallest(pictures, smallest_px)
     result = _run_evaluation(model, pictures, backend, console, part, quiet=quiet)
     _print_table(result, console, f"{part}, {len(pictures)} pictures")
     if json_file is not None:

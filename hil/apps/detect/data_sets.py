@@ -16,7 +16,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -24,6 +24,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from hil.data_set_files import MANIFEST
 from signals.errors import RecordingError
+from sim.frame.quality import QualityName
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import load_scene
 
@@ -68,7 +69,8 @@ class DataSetPlan:
 class DataSetSeries:
     """A series of data sets: their number, frames per set and first seed.
 
-    `people` is the minimum and maximum number of people to add to those of the map; None: as in the bench file.
+    `people` is the minimum and maximum number of people to add to those of the map, `size_px` the width and height of
+    the pictures; None: as in the bench file. `quality` replaces those of the plans.
     """
 
     sets: int
@@ -76,10 +78,19 @@ class DataSetSeries:
     first_seed: int
     scenes: Sequence[str] = SCENES
     people: tuple[int, int] | None = None
+    size_px: tuple[int, int] | None = None
+    quality: QualityName | None = None
 
     def plans(self) -> list[DataSetPlan]:
         """Return one plan per data set, in order."""
-        return [plan(i, self.first_seed, self.scenes) for i in range(self.sets)]
+        plans = [plan(i, self.first_seed, self.scenes) for i in range(self.sets)]
+        return plans if self.quality is None else [replace(p, quality=self.quality) for p in plans]
+
+    def settings(self) -> list[str]:
+        """Return the `KEY=VALUE` settings that all data sets of the series share."""
+        people = [] if self.people is None else [f"randomize.people.count=[{self.people[0]}, {self.people[1]}]"]
+        size = [] if self.size_px is None else [f"sensors.front.resolution=[{self.size_px[0]}, {self.size_px[1]}]"]
+        return people + size
 
 
 def plan(index: int, first_seed: int, scenes: Sequence[str] = SCENES) -> DataSetPlan:
@@ -110,9 +121,8 @@ def make_data_sets(
     `jobs` data sets are made at a time, by default one per core. Raises ConfigError for a scene that does not
     exist, RecordingError with the first data set that could not be made.
     """
-    plans, people = series.plans(), series.people
-    people_setting = [] if people is None else [f"randomize.people.count=[{people[0]}, {people[1]}]"]
-    settings = [[*plan.settings(), *people_setting] for plan in plans]  # names a wrong scene before a folder is made
+    plans = series.plans()
+    settings = [[*plan.settings(), *series.settings()] for plan in plans]  # names a wrong scene before a folder is made
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -13,7 +13,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -75,6 +75,11 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
         shown = problems[:_MAX_PROBLEMS]
         raise ConfigError([*shown, Problem("labels", f"{more} more problems of this kind")] if more > 0 else shown)
     return pictures
+
+
+def with_smallest(pictures: Iterable[Picture], smallest_px: float) -> list[Picture]:
+    """Return the pictures with objects of fewer than `smallest_px` visible pixels marked as difficult, too."""
+    return [replace(p, difficult=p.difficult | (p.area_px < smallest_px)) for p in pictures]
 
 
 def class_counts(pictures: Iterable[Picture]) -> Counter[str]:

@@ -36,10 +36,17 @@ def folded(model: nn.Module) -> nn.Module:
     return out
 
 
-def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold: float) -> ModelFile:
+def export(
+    model: nn.Module,
+    path: Path,
+    classes: tuple[str, ...],
+    *,
+    threshold: float,
+    input_px: tuple[int, int] = INPUT_PX,
+) -> ModelFile:
     """Write the three model files; `path` is the .onnx file. Raises RecordingError."""
     inference_model = folded(model)
-    blob = torch.zeros(1, 3, INPUT_PX[1], INPUT_PX[0])
+    blob = torch.zeros(1, 3, input_px[1], input_px[0])
     outputs = [f"level{i}" for i in range(len(LEVELS))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -58,7 +65,7 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
             torch.jit.trace(inference_model, blob, check_trace=False).save(str(path.with_suffix(".pt")))
         _remove_debug_records(path.with_suffix(".pt"))
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        model_file = describe(path, classes, sha256=digest, threshold=threshold)
+        model_file = describe(path, classes, input_px=input_px, sha256=digest, threshold=threshold)
         path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"{path}: the model cannot be written ({error})") from error

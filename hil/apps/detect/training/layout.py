@@ -1,4 +1,4 @@
-"""Layout of the shipped network: input size, anchors and normalisation, as written into the model's description."""
+"""Layout of the shipped networks: anchors, normalisation and usual input size, as written into their descriptions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_companion.detect.model_file import Level, ModelFile, all_anchors_px
 
-INPUT_PX = (320, 240)
+INPUT_PX = (320, 240)  # of `fast`; another size has the same anchors in pixels of the input
 RATIOS = (0.45, 1.0, 2.2)
 # Levels with many positions have few anchor shapes; one is enough with adaptive sample selection (Zhang et al. 2020,
 # ATSS).
@@ -23,18 +23,23 @@ NMS_IOU = 0.5
 
 
 def describe(
-    path: Path, classes: tuple[str, ...], *, sha256: str = "", threshold: float = SCORE_THRESHOLD
+    path: Path,
+    classes: tuple[str, ...],
+    *,
+    input_px: tuple[int, int] = INPUT_PX,
+    sha256: str = "",
+    threshold: float = SCORE_THRESHOLD,
 ) -> ModelFile:
     """Return the description of a model with this layout; `path` is its .onnx file, which need not exist yet."""
     return ModelFile(
         path=path,
         sha256=sha256,
         classes=classes,
-        input_px=INPUT_PX,
+        input_px=input_px,
         levels=LEVELS,
         mean=MEAN,
         std=STD,
         score_threshold=threshold,
         nms_iou=NMS_IOU,
-        anchors_px=all_anchors_px(LEVELS, INPUT_PX),
+        anchors_px=all_anchors_px(LEVELS, input_px),
     )

@@ -21,6 +21,7 @@ class Settings:
     precision: str = "fp32"  # or bf16: convolutions with 16 bits, weights with 32
     min_objects: int = 100  # of a class in the training pictures; with fewer it is left out
     validate_every: int = 3  # epochs
+    input_px: tuple[int, int] = (320, 240)  # width, height of the network's input; multiples of 16
 
     def __post_init__(self) -> None:
         problems = [
@@ -28,6 +29,10 @@ class Settings:
             for name in ("epochs", "batch", "learning_rate", "threads", "min_objects", "validate_every")
             if not getattr(self, name) > 0
         ]
+        if not all(n > 0 and n % 16 == 0 for n in self.input_px):
+            problems.append(
+                Problem("--input", f"must be two multiples of 16, not {self.input_px[0]} {self.input_px[1]}")
+            )
         if self.precision not in ("fp32", "bf16"):
             problems.append(Problem("--precision", f"must be fp32 or bf16, not {self.precision!r}"))
         if problems:

@@ -27,7 +27,7 @@ from hil.apps.detect.pictures import Picture, class_counts
 from hil.apps.detect.training.assign import Assigner
 from hil.apps.detect.training.augment import Augmenter, Strength
 from hil.apps.detect.training.batches import Batch, Batches, blob_of
-from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe
+from hil.apps.detect.training.layout import LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
 from hil.apps.detect.training.model import SsdLite, by_anchor
 from hil.apps.detect.training.settings import Settings
@@ -111,14 +111,20 @@ class Training:
     """One training, from pictures to averaged weights."""
 
     def __init__(
-        self, pictures: Sequence[Picture], validation: Sequence[Picture], settings: Settings, *, out: Path
+        self,
+        pictures: Sequence[Picture],
+        validation: Sequence[Picture],
+        settings: Settings,
+        *,
+        out: Path,
+        classes: Sequence[str] = (),
     ) -> None:
-        """Raises ConfigError if no class has enough objects."""
+        """`classes`: those to detect, default all with enough objects. Raises ConfigError if there are none."""
         self.settings = settings
         self.out = out
         counts = class_counts(pictures)
-        self.classes = tuple(sorted(n for n, c in counts.items() if c >= settings.min_objects))
-        self.left_out = {n: c for n, c in sorted(counts.items()) if c < settings.min_objects}
+        self.classes = tuple(classes) or tuple(sorted(n for n, c in counts.items() if c >= settings.min_objects))
+        self.left_out = {n: c for n, c in sorted(counts.items()) if n not in self.classes}
         if not self.classes:
             max_count = max(counts.values(), default=0)
             hint = f"record more, or use --min-objects {max(1, max_count)}"
@@ -129,10 +135,10 @@ class Training:
         torch.set_num_threads(settings.threads)
         cv2.setNumThreads(1)
         torch.manual_seed(settings.seed)
-        self._store = PictureStore(pictures, INPUT_PX)
+        self._store = PictureStore(pictures, settings.input_px)
         self._validation = validation[:: max(1, math.ceil(len(validation) / _MAX_VALIDATION_PICTURES))]
-        self._validation_store = PictureStore(self._validation, INPUT_PX)
-        self._assigner = Assigner(LEVELS, INPUT_PX)
+        self._validation_store = PictureStore(self._validation, settings.input_px)
+        self._assigner = Assigner(LEVELS, settings.input_px)
         self._anchors = torch.from_numpy(self._assigner.anchors_px)
         self.model: nn.Module = SsdLite(len(self.classes), [v.anchors_per_position for v in LEVELS]).to(
             memory_format=torch.channels_last
@@ -257,7 +263,7 @@ class Training:
     @torch.no_grad()
     def evaluate(self) -> Evaluation:
         """Evaluate the averaged weights on a part of the validation pictures."""
-        model = describe(self.out, self.classes)
+        model = describe(self.out, self.classes, input_px=self.settings.input_px)
         detections = []
         for first in range(0, len(self._validation), self.settings.batch):
             rows = range(first, min(first + self.settings.batch, len(self._validation)))

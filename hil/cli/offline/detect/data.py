@@ -9,6 +9,7 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.options import QuietOption
+from sim.frame.quality import QualityName
 
 
 def data(
@@ -25,6 +26,13 @@ def data(
     scene: Annotated[
         list[str] | None, typer.Option(help="Scenes to take in turn; default the three outdoor ones.")
     ] = None,
+    size: Annotated[
+        tuple[int, int] | None,
+        typer.Option(help="Size of the pictures in pixels; default that of the bench file.", metavar="WIDTH HEIGHT"),
+    ] = None,
+    quality: Annotated[
+        QualityName | None, typer.Option(help="Quality of all data sets; default one of three for each.")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(help="Data sets made at once; default one per core.", min=1)] = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -32,6 +40,8 @@ def data(
     from hil.apps.detect.data_sets import SCENES, DataSetSeries, make_data_sets
 
     with exit_on_error():
-        series = DataSetSeries(sets, frames, first_seed, scenes=scene or SCENES, people=people)
+        series = DataSetSeries(
+            sets, frames, first_seed, scenes=scene or SCENES, people=people, size_px=size, quality=quality
+        )
         folders = make_data_sets(out, console, series, jobs=jobs, quiet=quiet)
     console.print(f"{len(folders)} data sets in {out}", markup=False)

@@ -21,6 +21,10 @@ def evaluate(
         float | None,
         typer.Option(help="Lowest score of a box that counts in recall, precision, false boxes; default the model's."),
     ] = None,
+    smallest_px: Annotated[
+        int | None,
+        typer.Option("--smallest-px", help="Visible pixels that an object needs to count; default 64.", min=64),
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file.")] = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -35,6 +39,7 @@ def evaluate(
             part=part,
             backend=backend,
             threshold=threshold,
+            smallest_px=smallest_px,
             json_file=json_file,
             quiet=quiet,
         )

@@ -25,6 +25,10 @@ class TrainOptions:
     precision: Annotated[str, typer.Option(help="fp32 or bf16; bf16 is faster on processors that have it.")] = "fp32"
     min_objects: Annotated[int, typer.Option(help="Classes with fewer training objects are left out.")] = 100
     validate_every: Annotated[int, typer.Option(help="Epochs between two validations.")] = 3
+    input_px: Annotated[
+        tuple[int, int],
+        typer.Option("--input", help="Size of the network's input in pixels, multiples of 16.", metavar="WIDTH HEIGHT"),
+    ] = (320, 240)
     part: Annotated[str, typer.Option(help="Part of the pictures to train on: train or all.")] = "train"
     validation: Annotated[
         list[Path] | None, typer.Option(help="Data sets for validation; default the part 'validation'.")
@@ -33,6 +37,9 @@ class TrainOptions:
     weights: Annotated[
         Path | None, typer.Option(help="PyTorch weights to start from; those that do not fit are ignored.")
     ] = None
+    keep_classes: Annotated[
+        bool, typer.Option("--keep-classes", help="Keep the classes of --weights, however few objects there are.")
+    ] = False
     resume: Annotated[bool, typer.Option("--resume", help="Continue a stopped training in --out.")] = False
     quiet: QuietOption = False
 
@@ -53,7 +60,17 @@ def train(o: TrainOptions) -> None:
             precision=o.precision,
             min_objects=o.min_objects,
             validate_every=o.validate_every,
+            input_px=o.input_px,
         )
         data = TrainingData(o.data_sets, o.part, o.validation or (), o.test or ())
-        path = train_detector(data, settings, console, out=o.out, weights=o.weights, resume=o.resume, quiet=o.quiet)
+        path = train_detector(
+            data,
+            settings,
+            console,
+            out=o.out,
+            weights=o.weights,
+            keep_classes=o.keep_classes,
+            resume=o.resume,
+            quiet=o.quiet,
+        )
     console.print(f"weights  {path}  (and curves.png, training.json)", markup=False)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.apps.detect.data_sets import SCENES, plan
+from hil.apps.detect.data_sets import SCENES, DataSetSeries, plan
+from hil.apps.detect.pictures import read_data_sets, with_smallest
 from hil.cli.app import run_command_line
 from tests.worlds.labelled_pictures import write_data_set
 
@@ -71,3 +72,29 @@ def test_series_of_data_sets_are_spread_and_repeat() -> None:
         assert len({p.course for p in plans if p.scene == scene}) == 4
         assert len({p.quality for p in plans if p.scene == scene}) == 3
     assert all(plan(i, 900_000).seed not in {p.seed for p in plans} for i in range(40))
+
+
+def test_a_series_can_be_larger_and_of_one_quality() -> None:
+    plain, large = DataSetSeries(24, 1, 1000), DataSetSeries(24, 1, 1000, size_px=(640, 480), quality="high")
+    assert plain.settings() == []
+    assert large.settings() == ["sensors.front.resolution=[640, 480]"]
+    assert {p.quality for p in large.plans()} == {"high"}
+    assert {p.quality for p in plain.plans()} == {"low", "medium", "high"}
+    assert [p.settings() for p in large.plans()] == [p.settings() for p in plain.plans()]
+
+
+def test_smaller_objects_do_not_count_if_asked(folder: Path) -> None:
+    pictures = read_data_sets([folder])
+    areas = [p.area_px for p in pictures]
+    assert not any(p.difficult.any() for p in with_smallest(pictures, 64))
+    for p, area in zip(with_smallest(pictures, float(areas[0].max()) + 1.0), areas, strict=True):
+        assert p.difficult.all()
+        assert (p.area_px == area).all()
+
+
+def test_an_input_of_another_size_must_fit_the_strides(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["detect", "train", str(folder), "--out", str(tmp_path / "out"), "--input", "480", "360"]
+    assert run_command_line(arguments) == 2
+    assert "--input: must be two multiples of 16, not 480 360" in said(capsys)

@@ -125,7 +125,7 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
     with pytest.raises(ConfigError, match="no weights that fit"):
         other.load_weights(tmp_path / "other.pt")
     (tmp_path / "broken.pt").write_bytes(b"nothing")
-    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+    with pytest.raises(ConfigError, match="is not a file of PyTorch weights"):
         other.load_weights(tmp_path / "broken.pt")
     with pytest.raises(ConfigError, match="cannot be read"):
         other.load_weights(tmp_path / "missing.pt")
@@ -298,3 +298,15 @@ def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -
     assert {len(order) for order in orders} == {100}
     drawn = np.mean([(order >= 95).sum() for order in orders])
     assert drawn == pytest.approx(5.0 * factors[-1], rel=0.15)
+
+
+def test_classes_can_be_given_and_the_input_be_larger(pictures: list[Picture], tmp_path: Path) -> None:
+    settings = train.Settings(**{**QUICK, "input_px": (480, 352)})
+    training = train.Training(pictures, [], settings, out=tmp_path, classes=("person", "zebra"))
+    assert training.classes == ("person", "zebra")
+    assert not {"person", "zebra"} & set(training.left_out)
+    model = export(
+        training.averaged, tmp_path / "large.onnx", training.classes, threshold=0.5, input_px=settings.input_px
+    )
+    assert model.input_px == (480, 352)
+    assert len(model.anchors_px) == len(training._anchors)
