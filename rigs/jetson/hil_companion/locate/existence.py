@@ -19,10 +19,19 @@ and goes. So each of k pictures that had to show a still object (`views`) says b
 
     z'_j = ln h(posture) / h(thing) for a hit,  ln (1 - h(posture)) / (1 - h(thing)) for a miss
 
-and n counts the misses too. The log-odds of an object are the greater of
+and n counts the misses too. Of one that moves, no picture had to show it at a certain place. But at any time it is at
+one of its places, so as many sightings as pictures k show one of them, the mean over its places, are expected of a
+person, and few of tracks that belong to nobody. The number of sightings has a negative binomial distribution (Poisson,
+with a rate of a gamma distribution) with the mean r k:
 
-    l_upright = l_0 + (sum z_i + sum z'_j) / (1 + (n - 1) rho) + ln N(m; upright) / N(m; low things)
-    l_seated  =       the same sum of the seated z and z' + ln N(m; seated) / N(m; things on seats) + seat(s)
+    seen = ln NB(n; r k, shape) / NB(n; r_others k, shape_others), at most `_MOST_SEEN`
+
+The log-odds of an object are the greater of
+
+    l_upright = l_0 + (sum z_i + sum z'_j) / (1 + (n - 1) rho) + ln N(m; upright) / N(m; low things) + seen
+    l_seated  =       the same sum of the seated z and z' + ln N(m; seated) / N(m; things on seats) + seen + seat(s)
+
+and who was at two places does not sit.
 """
 
 from __future__ import annotations
@@ -85,6 +94,9 @@ class _Posture:
 _UPRIGHT = _Posture(2.96, 6.26, 0.0, -6.33, 1.7, -2.48, -2.27, 0.9, -4.21, -5.54, 0.87, 0.47, 0.1, 3.0, 0.92, 0.37)
 _SEATED = _Posture(2.73, 0.0, 5.0, -5.93, 1.7, -3.91, 0.0, 0.55, -1.88, -4.46, 0.53, 0.3, 0.04, 2.0, 0.5, 0.39)
 _MIDDLE_SIGMA_M, _LEAST_RATIO = 0.22, 6.0
+# Sightings for each picture that shows a place of the object: mean and shape; and the most that many of them may say.
+_UPRIGHT_SEEN, _SEATED_SEEN, _OTHERS_SEEN = (1.0, 8.0), (0.6, 6.0), (0.2, 1.5)
+_MOST_SEEN = 1.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +135,21 @@ def thing_evidence(over_threshold: float, rival_over_threshold: float | None) ->
     return Evidence(_UPRIGHT.evidence(over_threshold, rival_over_threshold, None, None))
 
 
+def _seen_ratio(count: int, in_view: float, mean: float, shape: float) -> float:
+    """Return the log-likelihood ratio of the number of sightings, a posture's against that of something else."""
+    if in_view <= 0.0:
+        return 0.0
+    others_mean, others_shape = _OTHERS_SEEN
+    ratio = _log_count(count, mean * in_view, shape) - _log_count(count, others_mean * in_view, others_shape)
+    return min(_MOST_SEEN, ratio)
+
+
+def _log_count(count: int, mean: float, shape: float) -> float:
+    """Return ln of the negative binomial chance of a count, without the term ln (count!) that no mean changes."""
+    chances = math.lgamma(count + shape) - math.lgamma(shape)
+    return chances - shape * math.log1p(mean / shape) - count * math.log1p(shape / mean)
+
+
 def _off(off_m: float, low: float, high: float, most_m: float) -> float:
     return min(abs(off_m), most_m) * (low if off_m < 0.0 else high)
 
@@ -150,10 +177,11 @@ class Evidences:
         total.middles_m = [*self.middles_m, *other.middles_m]
         return total
 
-    def odds(self, hits: int = 0, misses: int = 0) -> float:
+    def odds(self, hits: int = 0, misses: int = 0, *, in_view: float = 0.0, still: bool = True) -> float:
         """Return the log-odds of the object; it is reported from 0 on.
 
-        `hits`, `misses`: pictures that had to show it if it is still, with and without a box.
+        `hits`, `misses`: pictures that had to show it if it is still, with and without a box. `in_view`: number k of
+        pictures that show its places. `still`: it was at one place only, as who sits is.
         """
         dependence = 1.0 + _CORRELATION * (self.count + misses - 1)
         upright = _UPRIGHT_PRIOR + (self.upright + _UPRIGHT.looked(hits, misses)) / dependence
@@ -162,5 +190,7 @@ class Evidences:
             median_m = sorted(self.middles_m)[len(self.middles_m) // 2]
             upright += _UPRIGHT.median_ratio(median_m, len(self.middles_m))
             seated += _SEATED.median_ratio(median_m, len(self.middles_m))
+        upright += _seen_ratio(self.count, in_view, *_UPRIGHT_SEEN)
+        seated += _seen_ratio(self.count, in_view, *_SEATED_SEEN)
         share = min(1.0, self.seats / max(1, self.count) / _SEAT_SURE)
-        return max(upright, seated + _OFF_SEAT * (1.0 - share))
+        return max(upright, seated + _OFF_SEAT * (1.0 - share)) if still else upright

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Sequence
 
+import numpy as np
+
 from hil_companion.detections import Found
 from hil_companion.locate.existence import Evidences
 from hil_companion.locate.partition import Partition
@@ -24,6 +26,7 @@ _TWO_SURE, _SELDOM = 8.0, 0.25
 _WALKER, _WALKED_SEEN = 1.7, 6
 _STILL = 0.8  # share of the sightings at one place, of an object that is still
 _LONG = 0.5  # of the evidence of the surest track: one with less may be of another object
+_ONE_BODY_M = 0.4  # the mean places of two people are farther from each other
 _AGAIN = 4
 
 
@@ -33,22 +36,26 @@ class Group:
     def __init__(self, tracks: Sequence[Track], views: Views | None = None) -> None:
         self.tracks = list(tracks)
         self.pictures = frozenset().union(*(track.pictures for track in self.tracks))
-        hits, misses = (0, 0) if views is None else self._looked(views)
-        self.odds = sum((track.evidence for track in self.tracks), Evidences()).odds(hits, misses)
+        nearest = min(self.tracks, key=lambda t: t.closest_m)
+        still = self.share_at(nearest.fix.state[:2].tolist(), unsure=True) >= _STILL
+        hits, misses, in_view = 0, 0, 0.0
+        if views is not None:
+            total = sum(track.sightings for track in self.tracks)
+            in_view = sum(t.sightings * len(_showing(t, views)) for t in self.tracks) / total
+            if still and any(t.stands for t in self.tracks) and not any(t.walks for t in self.tracks):
+                hits, misses = self._looked(_showing(nearest, views))
+        evidences = sum((track.evidence for track in self.tracks), Evidences())
+        self.odds = evidences.odds(hits, misses, in_view=in_view, still=still)
         walked = sum(track.sightings for track in self.tracks if track.walks)
         self.odds += _WALKER if self.walks and walked >= _WALKED_SEEN else 0.0
 
-    def _looked(self, views: Views) -> tuple[int, int]:
-        """Return how many pictures between the first and the last sighting of a still object have it, and have not."""
-        nearest = min(self.tracks, key=lambda t: t.closest_m)
-        x, y = nearest.fix.state[:2].tolist()
-        stands = any(t.stands for t in self.tracks) and not any(t.walks for t in self.tracks)
-        if not stands or self.share_at((x, y), unsure=True) < _STILL:
-            return 0, 0
+    def _looked(self, showing: Sequence[int]) -> tuple[int, int]:
+        """Return how many of the pictures that show a still object's place, between its first and its last sighting,
+        have it, and have not."""
         first, last = min(self.pictures), max(self.pictures)
-        showing = [n for n in views.showing(nearest.number, (x, y, nearest.z_m)) if first <= n <= last]
-        hits = sum(n in self.pictures for n in showing)
-        return hits, len(showing) - hits
+        between = [n for n in showing if first <= n <= last]
+        hits = sum(n in self.pictures for n in between)
+        return hits, len(between) - hits
 
     @property
     def walks(self) -> bool:
@@ -65,6 +72,13 @@ class Group:
 
         total = sum(track.sightings for track in self.tracks)
         return sum(track.sightings for track in self.tracks if near(track)) / total
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        """Return the mean x, y of the tracks' places, weighted by their precision: the place of one that is still."""
+        weights = np.array([track.closest_m**-2 for track in self.tracks])
+        x, y = (weights @ np.array([track.fix.state[:2] for track in self.tracks]) / weights.sum()).tolist()
+        return x, y
 
     def share_with(self, other: Group) -> float:
         """Return the share of this object's pictures that show the other one too."""
@@ -86,12 +100,22 @@ class Group:
         return Found(first.number, first.label, last.fix.t_ns, place, (vx, vy, 0.0), sightings, last.fix.sigma_m)
 
 
+def _showing(track: Track, views: Views) -> list[int]:
+    """Return the numbers of the pictures that show a track's place."""
+    x, y = track.fix.state[:2].tolist()
+    return views.showing(track.number, (x, y, track.z_m))
+
+
 def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> bool:
     """Return True if it is a second box on somebody: mostly at the place of a surer still object, and doubtful or
-    seldom seen beside it."""
+    seldom seen beside it, or no farther away than a body is wide."""
     return any(
         other.odds > group.odds
-        and (group.odds < _TWO_SURE or group.share_with(other) <= _SELDOM)
+        and (
+            group.odds < _TWO_SURE
+            or group.share_with(other) <= _SELDOM
+            or math.dist(group.place_m, other.place_m) < _ONE_BODY_M
+        )
         and other_obj.label == obj.label
         and other.share_at(other_obj.p_W) > 0.5
         and group.share_at(other_obj.p_W) >= 0.5

@@ -26,7 +26,7 @@ from hil_companion.locate.appearance import Appearance, appearance_ratio
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_PRIOR = 0.5  # ln of the odds that two tracks are of one object, before anything is known: a survey sees each one often
+_PRIOR = 1.0  # ln of the odds that two tracks are of one object, before anything is known: a survey sees each one often
 _SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
 _ROUNDS = 200

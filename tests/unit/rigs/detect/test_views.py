@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import nbinom
 
 from hil.config.companion.clients import make_client_importable
 
 make_client_importable()
 
+from hil_companion.locate import existence  # noqa: E402
 from hil_companion.locate.existence import Evidence, Evidences  # noqa: E402
 from hil_companion.locate.geolocation import Camera  # noqa: E402
-from hil_companion.locate.objects import Objects  # noqa: E402
+from hil_companion.locate.objects import Group, Objects  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
 from hil_companion.locate.views import Views  # noqa: E402
 from hil_companion.navigation.inertial import NavState  # noqa: E402
@@ -123,3 +125,62 @@ def test_a_hidden_person_is_not_missed() -> None:
         boxes = [Sighting("person", (20.0, 0.0, 0.9), np.eye(2) * 0.04, evidence=Evidence(2.5, middle_m=0.9))]
         tracks.add(k * SECOND // 2, [] if hidden else boxes)
     assert len(Objects().found(tracks.tracks, views)) == 1
+
+
+@pytest.mark.parametrize(("count", "in_view"), [(0, 30.0), (3, 60.0), (40, 90.0), (7, 0.0)])
+def test_the_number_of_sightings_is_negative_binomial(count: int, in_view: float) -> None:
+    def log_chance(mean: float, shape: float) -> float:
+        return float(nbinom.logpmf(count, shape, shape / (shape + mean * in_view)))
+
+    ratio = existence._seen_ratio(count, in_view, *existence._UPRIGHT_SEEN)
+    if in_view == 0.0:
+        assert ratio == pytest.approx(0.0, abs=1e-6)  # what no picture could show says nothing
+    else:
+        expected = log_chance(*existence._UPRIGHT_SEEN) - log_chance(*existence._OTHERS_SEEN)
+        assert ratio == pytest.approx(min(existence._MOST_SEEN, expected), abs=1e-6)
+
+
+def test_who_walks_in_view_and_is_hardly_ever_seen_is_nobody() -> None:
+    for last, people in ((72, 1), (8, 0)):
+        tracks, views = Tracks(), Views(camera())
+        for k in range(72):
+            views.add(pose(), ground())
+            y = 4.0 - abs(4.0 - 0.5 * (k % 16))  # to one side and back
+            box = Sighting("person", (20.0, y, 0.9), np.eye(2) * 0.04, evidence=Evidence(1.2, middle_m=0.9))
+            tracks.add(k * SECOND // 2, [box] if k < last else [])
+        assert len(Objects().found(tracks.tracks, views)) == people
+        assert len(Objects().found(tracks.tracks)) == 1  # its boxes alone are those of a person
+
+
+def test_a_person_of_few_sightings_whose_places_were_seldom_in_view_is_one() -> None:
+    tracks, views = Tracks(), Views(camera())
+    for k in range(72):
+        views.add(pose(yaw_rad=0.0 if k < 8 else math.pi), ground())
+        box = Sighting("person", (20.0, 0.6 * k - 2.4, 0.9), np.eye(2) * 0.04, evidence=Evidence(2.5, middle_m=0.9))
+        tracks.add(k * SECOND // 2, [box] if k < 8 else [])
+    assert len(Objects().found(tracks.tracks, views)) == 1
+
+
+def test_who_was_at_two_places_does_not_sit() -> None:
+    bag = Evidences()
+    for _ in range(8):
+        bag.add(Evidence(-4.0, 2.5, 0.53, on_seat=True))
+    assert bag.odds() > 0.0 > bag.odds(still=False)
+    tracks = Tracks()
+    for k, x in ((0, 0.0), (1, 0.0), (2, 0.0), (3, 0.0), (60, 30.0), (61, 30.0), (62, 30.0), (63, 30.0)):
+        seat = Sighting("person", (x, 0.0, 0.5), np.eye(2) * 0.04, evidence=Evidence(-4.0, 2.5, 0.53, on_seat=True))
+        tracks.add(k * SECOND // 2, [seat])
+    assert Group(tracks.tracks).odds < 0.0
+    assert all(Group([track]).odds > -2.0 for track in tracks.tracks)
+
+
+@pytest.mark.parametrize(("apart_m", "people"), [(0.2, 1), (0.8, 2)])
+def test_two_sure_objects_nearer_than_two_bodies_are_one(apart_m: float, people: int) -> None:
+    tracks = Tracks()
+    for k in range(20):
+        boxes = [Sighting("person", (x, 0.0, 0.9), np.eye(2) * 0.01, evidence=Evidence(4.0)) for x in (0.0, apart_m)]
+        tracks.add(k * SECOND // 2, boxes if k % 3 == 0 else boxes[:1])
+    groups = [Group([track]) for track in tracks.tracks if track.sightings > 1]
+    assert len(groups) == 2
+    assert all(group.odds > 8.0 for group in groups)
+    assert len(Objects().found(tracks.tracks)) == people
