@@ -9,6 +9,7 @@ namespace hil::sim::frame::HIL_ISA {
 // Mask of the lanes `wanted` whose point of a triangle is opaque. `uv`: of the triangle's corners. `a`, `b`, `c`:
 // barycentric coordinates of the corners up to a common factor.
 HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F &b, const F &c, const I &wanted) {
+    constexpr int kFewLanes = 5;
     const F zero = splat<F>(0), scale = 1.0f / select(wanted, a + b + c, splat<F>(1));
     const F wb = b * scale, wc = c * scale;
     const auto within_tile = [&](int i) {
@@ -19,11 +20,16 @@ HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F 
     const I column = truncate(within_tile(0) * (float)mask.width) & (std::int32_t)(mask.width - 1);
     const I row = (std::int32_t)(mask.height - 1) - (truncate(within_tile(1) * (float)mask.height) & (std::int32_t)(mask.height - 1));
     const I texel = row * (std::int32_t)mask.width + column;
-    // Lane by lane: few are wanted, and a gather costs as much as all.
+    unsigned lanes = bits(wanted);
+    // Lane by lane where few are wanted: a gather costs as much as several.
+    if (__builtin_popcount(lanes) > kFewLanes) {
+        const I word = gather(mask.opaque.data(), shift_right(texel, 5));
+        return wanted & ((shift_right(word, texel & (std::int32_t)31) & (std::int32_t)1) != splat<I>(0));
+    }
     std::int32_t at[16];
     store(at, texel);
     unsigned hit = 0;
-    for (unsigned lanes = bits(wanted); lanes != 0; lanes &= lanes - 1) {
+    for (; lanes != 0; lanes &= lanes - 1) {
         const int lane = __builtin_ctz(lanes);
         hit |= ((std::uint32_t)mask.opaque.data()[at[lane] >> 5] >> (at[lane] & 31) & 1u) << lane;
     }

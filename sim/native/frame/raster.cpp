@@ -59,9 +59,9 @@ int floor_to_int(double x) {
 class Pass {
 public:
     Pass(const Geometry &geometry, const RasterCamera &camera, const RasterOptions &options, const View &view,
-         VisibilityBuffer &buffer, const RayTable &rays, const RasterKernels &kernels, Raster::Band &band)
+         VisibilityBuffer &buffer, const RayTable &rays, const RasterKernels &kernels, bool plane_clears, Raster::Band &band)
         : geometry_(geometry), camera_(camera), options_(options), view_(view), buffer_(buffer), rays_(rays),
-          kernels_(kernels), row0_(band.row0), row1_(band.row1), drawn_(band.drawn), drawn_of_geom_(band.drawn_of_geom),
+          kernels_(kernels), plane_clears_(plane_clears), row0_(band.row0), row1_(band.row1), drawn_(band.drawn), drawn_of_geom_(band.drawn_of_geom),
           heap_(band.heap), packets_(band.packets), counts_(band.counts) {}
 
     void run() {
@@ -223,6 +223,7 @@ private:
         const double bound = std::max(-1e30, nearest);
         d.t_min_bound = static_cast<float>(bound + 1e-6 * (1.0 + std::fabs(bound)));
         set_up(g, local, d);
+        d.first = plane_clears_ && drawn_.empty();
         const std::int32_t *packets = nullptr;
         std::size_t count = 0;
         if (g.shape == Shape::kMesh) {
@@ -335,6 +336,7 @@ private:
     VisibilityBuffer &buffer_;
     const RayTable &rays_;
     const RasterKernels &kernels_;
+    const bool plane_clears_;  // the blocks are not clear: the first plane writes all of them
     const int row0_, row1_;
     std::vector<DrawnGeom> &drawn_;
     std::vector<std::int32_t> &drawn_of_geom_;
@@ -360,7 +362,7 @@ void Raster::blank_open(int row, const RasterOptions &options) {
     }
 }
 
-void Raster::clear(const Band &band, const RasterOptions &options) {
+void Raster::clear(const Band &band, const RasterOptions &options, bool by_plane) {
     VisibilityBuffer &b = buffer_;
     const auto blank = [&](int row, int x0, int x1) {
         if (options.open != nullptr) return blank_open(row, options);
@@ -375,22 +377,29 @@ void Raster::clear(const Band &band, const RasterOptions &options) {
         }
         return;
     }
-    for (int row = band.row0; row < band.row1; ++row) blank(row, 0, b.blocks_x);
+    for (int row = band.row0; row < band.row1 && !by_plane; ++row) blank(row, 0, b.blocks_x);
     for (int row = band.row0 / kTile; row <= (band.row1 - 1) / kTile; ++row) {
         std::fill_n(&b.tile_stale[static_cast<std::size_t>(row * b.tiles_x)], b.tiles_x, std::uint8_t{1});
     }
 }
 
+// Returns true if an infinite plane is drawn first, and into every block.
+bool Raster::plane_clears(const RasterOptions &options) const {
+    return options.draw_static && !options.sparse && options.open == nullptr && !geometry_.unbounded().empty();
+}
+
 void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptions &options) {
     VisibilityBuffer &b = buffer_;
-    clear(band, options);
+    const bool sees = within_world(camera.p_WC, 3) && within_world(camera.R_WC, 9) && within_world(camera.v_W, 3);
+    const bool by_plane = sees && plane_clears(options);
+    clear(band, options, by_plane);
     band.drawn.clear();
     band.drawn_of_geom.resize(geometry_.geoms().size());
     band.counts = {};
-    if (!within_world(camera.p_WC, 3) || !within_world(camera.R_WC, 9) || !within_world(camera.v_W, 3)) return;
+    if (!sees) return;
     const View view = make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, b.width, kBlock * band.row0,
                                 std::min(kBlock * band.row1, b.height), rays_.cone, options);
-    Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), band).run();
+    Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), by_plane, band).run();
 }
 
 void Raster::check_rows(int row0, int row1) const {

@@ -73,6 +73,7 @@ struct DrawnGeom {
     const Mesh *mesh;
     const AlphaMask *mask;     // null: no holes
     bool backs_hidden;         // back faces are skipped
+    bool first;                // an infinite plane that is drawn before all others, into blocks that hold anything
 };
 
 // Pixels of one picture, in blocks.
@@ -139,8 +140,9 @@ public:
 
 private:
     void allocate(int width, int height);
-    void clear(const Band &band, const RasterOptions &options);
+    void clear(const Band &band, const RasterOptions &options, bool by_plane);  // by_plane: leaves the pixels to the first plane
     void blank_open(int row, const RasterOptions &options);
+    bool plane_clears(const RasterOptions &options) const;
     void draw_band(Band &band, const RasterCamera &camera, const RasterOptions &options);
 
     const Geometry &geometry_;

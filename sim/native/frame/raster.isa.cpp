@@ -79,6 +79,16 @@ HIL_INLINE void keep(VisibilityBuffer &buffer, const Block &block, const F &t, s
     note_farthest(buffer, block, now);
 }
 
+// Stores the hits of a block that holds anything; pixels without one see nothing.
+HIL_INLINE void begin(VisibilityBuffer &buffer, const Block &block, const F &t, std::int32_t geom, float far_t) {
+    const F far = splat<F>(far_t);
+    const I hit = t < far;
+    const F now = select(hit, t, far);
+    store(buffer.t.data() + 16 * block.index, now);
+    store(buffer.geom.data() + 16 * block.index, select(hit, splat<I>(geom), splat<I>(-1)));
+    buffer.farthest[block.index] = greatest(now);
+}
+
 // Origin and direction of a block's rays in the geom's local frame.
 template <Projection P>
 HIL_INLINE void local_ray(const DrawnGeom &g, const Block &b, Vec<F> &o, Vec<F> &d) {
@@ -110,12 +120,14 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
         if constexpr (S == Shape::kCylinder) t = ray_cylinder(o, d, g.radius, g.half[2], near);
         if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
         if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
-        keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN stays, as the second operand of max: no hit
+        t = max(splat<F>(g.t_min_bound), t);  // NaN stays, as the second operand of max: no hit
+        if (S == Shape::kPlane && g.first) return begin(buffer, block, t, g.geom, options.far_t);
+        keep(buffer, block, t, g.geom);
     };
     const std::int32_t *spans = S == Shape::kBox ? g.spans : nullptr;
     for (int row = y0; row < y1; ++row) {
         const int x0 = spans ? spans[2 * (row - g.y0)] : g.x0, x1 = spans ? spans[2 * (row - g.y0) + 1] : g.x1;
-        each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, x0, x1, row, row + 1, draw_block);
+        each_block<P>(g, rays, buffer, options.occlusion_culling && !g.first, g.t_min_bound, x0, x1, row, row + 1, draw_block);
     }
 }
 

@@ -278,7 +278,8 @@ HIL_INLINE void put_later(Run &run, int at, const I &mask, const Texture &textur
     p = {&texture, at, mask, texel, light};
     std::int32_t index[16];
     store(index, texel);
-    for (int lane = 0; lane < 16; ++lane) __builtin_prefetch(texture.texel.data() + index[lane]);
+    // A cache line is a square of 4 x 4 texels: those of the corners are most of a block's.
+    for (const int corner : {0, 3, 12, 15}) __builtin_prefetch(texture.texel.data() + index[corner]);
 }
 
 }  // namespace
