@@ -29,7 +29,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -191,7 +191,8 @@ class VehiclePhysics:
         self._states = states
         parts = [_P, _Q, _V, _W, slice(states, states + 3), slice(states + 3, states + 6), self._rotor_slice]
         parts += [slice(first, first + force.states) for force, first in self._surfaced]
-        self._read_truth = TupleReader(self._truth, [(part.start, part.stop) for part in parts]).read
+        reader: Any = TupleReader(self._truth, [(part.start, part.stop) for part in parts])
+        self._read_truth = reader.read
         self._tick = -1
 
         state = self.state
