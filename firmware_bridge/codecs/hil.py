@@ -18,6 +18,7 @@ import struct
 from math import isfinite, sqrt
 from typing import NamedTuple
 
+from firmware_bridge._native import read_actuator_controls
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
@@ -98,7 +99,7 @@ HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 _pack_sensor = struct.Struct("<Q13fIB").pack
 _pack_gps = struct.Struct("<QiiiHHHhhhHBBBH").pack
-_unpack_actuators = struct.Struct("<QQ16fB").unpack
+_new_tuple = tuple.__new__  # without the calls of a NamedTuple's own
 
 _GAUSS = UNITS["HIL_SENSOR"]["xmag"].scale
 _HPA = UNITS["HIL_SENSOR"]["abs_pressure"].scale
@@ -253,12 +254,8 @@ def actuator_frame(tick: int, frame: Frame) -> ActuatorFrame:
 
     CodecError if a control is not finite or outside -1..1 (0..1 for motors; servos may be negative).
     """
-    values = _unpack_actuators(frame[4][:81])
-    controls = values[2:18]
-    # NaN fails both comparisons only if every element is compared in this direction.
-    for control in controls:
-        if not -1.0 <= control <= 1.0:
-            bad = {i: c for i, c in enumerate(controls) if not -1.0 <= c <= 1.0}
-            raise CodecError(f"HIL_ACTUATOR_CONTROLS at {values[0]} us: controls out of -1..1: {bad}")
-    mode = values[18]
-    return ActuatorFrame(tick, values[0] * 1000, controls, mode & _MODE_ARMED != 0, mode)
+    t_us, controls, mode, in_range = read_actuator_controls(frame[4])
+    if not in_range:
+        bad = {i: c for i, c in enumerate(controls) if not -1.0 <= c <= 1.0}
+        raise CodecError(f"HIL_ACTUATOR_CONTROLS at {t_us} us: controls out of -1..1: {bad}")
+    return _new_tuple(ActuatorFrame, (tick, t_us * 1000, controls, mode & _MODE_ARMED != 0, mode))

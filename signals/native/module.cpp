@@ -71,8 +71,10 @@ nb::tuple normal(hil::NoiseStream &stream, std::uint64_t index) {
 
 }  // namespace
 
+void bind_samples(nb::module_ &m);
+
 NB_MODULE(_kernel, m) {
-    m.doc() = "Elementary functions, rotations and geodesy: the same bits on every machine.";
+    m.doc() = "Elementary functions, rotations and geodesy: the same bits on every machine; samples as arrays.";
     m.def("det_sin", &hil::det::sin, "x_rad"_a);
     m.def("det_cos", &hil::det::cos, "x_rad"_a);
     m.def("det_exp", &hil::det::exp, "x"_a);
@@ -113,4 +115,5 @@ NB_MODULE(_kernel, m) {
           },
           "path"_a, "crashed"_a, "no_memory"_a,
           "Write one of two contents to a file when the process crashes; empty contents: leave it.");
+    bind_samples(m);
 }

@@ -28,12 +28,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import chain
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from signals._kernel import TupleReader
 from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
@@ -67,6 +69,8 @@ HARD_LANDING_MPS = 2.5
 NO_MOTION: Vec3 = (0.0, 0.0, 0.0)
 _SETTLE_NS, _SETTLE_ON_WHEELS_NS = 500 * NS_PER_MS, 3000 * NS_PER_MS
 _MAX_TRAVEL_M = 1.0e6  # a vehicle within the speed limit travels less in a tick; NaN fails the comparison too
+
+_new_tuple = tuple.__new__  # without the calls of a NamedTuple's own
 
 _P, _Q, _V, _W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 _LIMITS = {
@@ -184,8 +188,11 @@ class VehiclePhysics:
         self._enter(scene)
         self.start_ns = start.t_ns
         self._rotor_slice = slice(13, 13 + len(vehicle.rotors))  # drag, the force before them, has no states
-        self._a_slice = slice(states, states + 3)
-        self._alpha_slice = slice(states + 3, states + 6)
+        self._states = states
+        parts = [_P, _Q, _V, _W, slice(states, states + 3), slice(states + 3, states + 6), self._rotor_slice]
+        parts += [slice(first, first + force.states) for force, first in self._surfaced]
+        reader: Any = TupleReader(self._truth, [(part.start, part.stop) for part in parts])
+        self._read_truth = reader.read
         self._tick = -1
 
         state = self.state
@@ -276,7 +283,7 @@ class VehiclePhysics:
     @property
     def state(self) -> NDArray[np.float64]:
         """View of p_WB, q_WB, v_WB_W, w_WB_B and the forces' own states. Write to it only before tick 1."""
-        return self._truth[: self._a_slice.start]
+        return self._truth[: self._states]
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         """Advance to tick `tick`, 0 first and one higher with each call, and return its state.
@@ -831,24 +838,12 @@ class VehiclePhysics:
         self._truth[_W] = 0.0
 
     def _truth_state(self, tick: int, in_contact: bool) -> TruthState:
-        s = tuple(self._truth.tolist())
-        return TruthState(
-            tick,
-            tick * self.tick_ns,
-            s[_P],
-            s[_Q],
-            s[_V],
-            s[_W],
-            s[self._a_slice],
-            s[self._alpha_slice],
-            s[self._rotor_slice],
-            in_contact or (bool(self._wheels) and self.on_wheels),
-            self._deflections(s) if self._surfaced else (),
+        p, q, v, w, a, alpha, rotors, *surfaces = self._read_truth()
+        in_contact = in_contact or (bool(self._wheels) and self.on_wheels)
+        deflections = tuple(chain.from_iterable(surfaces)) if surfaces else ()
+        return _new_tuple(
+            TruthState, (tick, tick * self.tick_ns, p, q, v, w, a, alpha, rotors, in_contact, deflections)
         )
-
-    def _deflections(self, s: Sequence[float]) -> tuple[float, ...]:
-        """Return the deflections of the surfaces in a state."""
-        return tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]])
 
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:
         variable, limit = _LIMITS[violation]

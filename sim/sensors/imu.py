@@ -57,6 +57,9 @@ class Harmonic(StrictModel):
     gyro_radps: tuple[Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0)
 
 
+_new_tuple = tuple.__new__  # without the calls of a NamedTuple's own
+
+
 class ImuParameters(StrictModel):
     """Errors of one IMU, SI units. Noise densities are Allan's N, 1/sqrt(2) of a one-sided one; deviations 1 sigma."""
 
@@ -176,7 +179,7 @@ class Imu(InstalledSensor):
         """Return sample `seq`. Specific force at rest, level: (0, 0, +g)."""
         t_ns = truth.t_ns
         accel, gyro, temperature = self._kernel.sample(truth[3], truth[6], truth[5], truth[7], truth[8], t_ns, seq)
-        return ImuSample(seq, t_ns, t_ns + self.latency_ns, accel, gyro, temperature)
+        return _new_tuple(ImuSample, (seq, t_ns, t_ns + self.latency_ns, accel, gyro, temperature))
 
     def noise(self, first: int, count: int) -> NDArray[np.float64]:
         """Return walk, flicker and white noise of samples `first` .. `first + count - 1`, before rounding.

@@ -255,14 +255,14 @@ class LockstepLink(AutopilotLink):
         if self._air is not None:
             baro = self._air.put(baro, ranging)
         data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
-        self._imu_sent = imu is not None
-        self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
             self._transport.write(data)
         except LinkClosed as error:
             raise self._closed(error) from error
         self._sent_at_ns = time.perf_counter_ns()
         # What does not have to be done before the write is done here, while the autopilot computes.
+        self._imu_sent = imu is not None
+        self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         self._vehicle.received(self._unseen)
         if len(self._rtts_ns) >= _COUNTED_ANSWERS:
             self._count_answers()
