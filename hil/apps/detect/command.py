@@ -56,6 +56,22 @@ class TrainingData:
         return pictures, validation, [] if self.part == "all" and not self.test else of(self.test, "test")
 
 
+@dataclass(frozen=True)
+class EvaluationData:
+    """Folders of data sets, and what of them counts: `part`, and objects of at least `smallest_px` visible pixels."""
+
+    data_sets: Sequence[Path]
+    part: str = "test"
+    smallest_px: int | None = None  # None: as the data sets say
+
+    def read(self) -> Sequence[Picture]:
+        """Return the pictures. Raises ConfigError."""
+        from hil.apps.detect.pictures import read_data_sets, with_smallest
+
+        pictures = read_data_sets(self.data_sets, self.part)
+        return pictures if self.smallest_px is None else with_smallest(pictures, self.smallest_px)
+
+
 def train_detector(
     data: TrainingData,
     settings: Settings,
@@ -163,27 +179,22 @@ def _run_training(training: Training, last_epoch: int, console: Console, out: Pa
 
 
 def evaluate_detector(
-    data_sets: Sequence[Path],
+    data: EvaluationData,
     console: Console,
     *,
     weights: Path | None = None,
-    part: str = "test",
     backend: str = "opencv",
     threshold: float | None = None,
-    smallest_px: int | None = None,
     json_file: Path | None = None,
     quiet: bool = False,
 ) -> Evaluation:
     """Evaluate a model on data sets, print and return the result.
 
-    Objects of fewer than `smallest_px` visible pixels do not count. Raises ConfigError for an unusable model or data
-    set, RecordingError if `json_file` cannot be written.
+    Raises ConfigError for an unusable model or data set, RecordingError if `json_file` cannot be written.
     """
     make_client_importable()
     from hil_companion.detect.model_file import ModelFile
     from hil_companion.errors import OptionError
-
-    from hil.apps.detect.pictures import read_data_sets, with_smallest
 
     try:
         model = ModelFile.load(weights)
@@ -191,11 +202,9 @@ def evaluate_detector(
         raise ConfigError([Problem("--weights", str(error))]) from None
     if threshold is not None:
         model = replace(model, score_threshold=threshold)
-    pictures = read_data_sets(data_sets, part)
-    if smallest_px is not None:
-        pictures = with_smallest(pictures, smallest_px)
-    result = _run_evaluation(model, pictures, backend, console, part, quiet=quiet)
-    _print_table(result, console, f"{part}, {len(pictures)} pictures")
+    pictures = data.read()
+    result = _run_evaluation(model, pictures, backend, console, data.part, quiet=quiet)
+    _print_table(result, console, f"{data.part}, {len(pictures)} pictures")
     if json_file is not None:
         _write_json(json_file, {"model": model.sha256, "backend": backend, **result.as_json()})
     return result

@@ -23,8 +23,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from hil.data_set_files import MANIFEST
-from signals.errors import RecordingError
-from sim.frame.quality import QualityName
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, Problem, RecordingError
+from sim.frame.quality import QUALITIES as LEVELS
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import load_scene
 
@@ -79,7 +80,13 @@ class DataSetSeries:
     scenes: Sequence[str] = SCENES
     people: tuple[int, int] | None = None
     size_px: tuple[int, int] | None = None
-    quality: QualityName | None = None
+    quality: str | None = None
+
+    def __post_init__(self) -> None:
+        """Raises ConfigError for a quality that there is not."""
+        if self.quality is not None and self.quality not in LEVELS:
+            hint = nearest(self.quality, LEVELS)
+            raise ConfigError([Problem("--quality", f"there is no quality {self.quality!r}", hint)])
 
     def plans(self) -> list[DataSetPlan]:
         """Return one plan per data set, in order."""

@@ -28,7 +28,7 @@ Fill = Callable[[Mapping[str, NDArray[Any]], CameraPose, int, NDArray[Any]], Non
 
 @dataclass(frozen=True)
 class View:
-    """What the channels of one camera are computed for. `shadows`: the sun's shadows are wanted."""
+    """The view of one camera for which channels are computed. `shadows`: the sun's shadows are wanted."""
 
     geometry: Any  # sim.frame.geometry.FrameGeometry
     camera: CameraModel

@@ -9,7 +9,6 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.options import QuietOption
-from sim.frame.quality import QualityName
 
 
 def data(
@@ -31,7 +30,8 @@ def data(
         typer.Option(help="Size of the pictures in pixels; default that of the bench file.", metavar="WIDTH HEIGHT"),
     ] = None,
     quality: Annotated[
-        QualityName | None, typer.Option(help="Quality of all data sets; default one of three for each.")
+        str | None,
+        typer.Option(help="low, medium, high, epic or cinematic, for all data sets; default one of three for each."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(help="Data sets made at once; default one per core.", min=1)] = None,
     quiet: QuietOption = False,

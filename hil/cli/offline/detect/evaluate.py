@@ -29,17 +29,15 @@ def evaluate(
     quiet: QuietOption = False,
 ) -> None:
     """Measure the average precision of a detector by class, and its false boxes (false positives)."""
-    from hil.apps.detect.command import evaluate_detector
+    from hil.apps.detect.command import EvaluationData, evaluate_detector
 
     with exit_on_error():
         evaluate_detector(
-            data_sets,
+            EvaluationData(data_sets, part, smallest_px),
             console,
             weights=weights,
-            part=part,
             backend=backend,
             threshold=threshold,
-            smallest_px=smallest_px,
             json_file=json_file,
             quiet=quiet,
         )

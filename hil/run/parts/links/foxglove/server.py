@@ -22,7 +22,7 @@ from signals.errors import ConfigError, LinkError, Problem
 
 INSTALL = "pip install 'hil-bench[foxglove]'"
 _STOP_S = 2.0  # longest wait for the server at the end
-_BACKLOG = 256  # messages that wait for one client, which then loses the oldest
+_BACKLOG = 1024  # messages that wait for one client, three updates; it then loses the oldest
 
 
 def installed_sdk() -> ModuleType:

@@ -10,6 +10,7 @@ import pytest
 from hil.apps.detect.data_sets import SCENES, DataSetSeries, plan
 from hil.apps.detect.pictures import read_data_sets, with_smallest
 from hil.cli.app import run_command_line
+from signals.errors import ConfigError
 from tests.worlds.labelled_pictures import write_data_set
 
 FRAMES = [[("person", (10, 20, 14, 34))]] * 5
@@ -80,6 +81,8 @@ def test_a_series_can_be_larger_and_of_one_quality() -> None:
     assert large.settings() == ["sensors.front.resolution=[640, 480]"]
     assert {p.quality for p in large.plans()} == {"high"}
     assert {p.quality for p in plain.plans()} == {"low", "medium", "high"}
+    with pytest.raises(ConfigError, match="did you mean 'high'"):
+        DataSetSeries(24, 1, 1000, quality="hihg")
     assert [p.settings() for p in large.plans()] == [p.settings() for p in plain.plans()]
 
 
