@@ -15,7 +15,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic_core import core_schema
 
 from signals.documents.document import Document, Place
 from signals.documents.yaml_lines import dotted, read_yaml
@@ -43,6 +44,24 @@ class StrictModel(BaseModel):
     """Base of settings: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ChosenByFunction:
+    """Annotation of a tagged union whose discriminator is a function, for `Annotated[A | B, Discriminator(f), this]`.
+
+    To serialise such a union, pydantic calls the function too, and drops whatever it raises: also the KeyboardInterrupt
+    of a signal that comes within it, and the program goes on as if nothing had stopped it. With this annotation the
+    function chooses only where data are read. Values are serialised by their type.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        union: Any = handler(source)
+        return read_by(union, core_schema.union_schema(list(union["choices"].values())))
+
+
+def read_by(reader: core_schema.CoreSchema, values: core_schema.CoreSchema) -> core_schema.CoreSchema:
+    """Return the schema that reads data by `reader`, and serialises the values as `values` does."""
+    return core_schema.chain_schema([reader, values])  # serialised as its last step
 
 
 class Section(StrictModel):

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
-from signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel, read_by
 from sim.scene.appearance import PeopleLimits, TextureLimits
 from sim.scene.limits import Limits, Share, within
 
@@ -33,8 +33,9 @@ class _Switch:
         chosen = core_schema.no_info_after_validator_function(
             lambda on: self._model() if on else None, core_schema.bool_schema(strict=True)
         )
-        choices = {"limits": handler(source), "switch": chosen}
-        return core_schema.tagged_union_schema(choices, discriminator=_choice)
+        limits = handler(source)
+        choices = {"limits": limits, "switch": chosen}
+        return read_by(core_schema.tagged_union_schema(choices, discriminator=_choice), limits)
 
 
 def _choice(value: Any) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import pydantic
 from pydantic import Discriminator, Field, Tag
 
-from signals.documents.validate import StrictModel
+from signals.documents.validate import ChosenByFunction, StrictModel
 from sim.scene.scene_map import Surface
 
 MAX_SEED = 2**63 - 1
@@ -49,7 +49,9 @@ def _surface_form(surface: Any) -> str:
 
 
 SurfaceChoice = Annotated[
-    Annotated[str, Tag("by name")] | Annotated[SurfaceValues, Tag("in numbers")], Discriminator(_surface_form)
+    Annotated[str, Tag("by name")] | Annotated[SurfaceValues, Tag("in numbers")],
+    Discriminator(_surface_form),
+    ChosenByFunction(),
 ]
 
 
@@ -185,4 +187,5 @@ MapSection = Annotated[
     | Annotated[OsmMap, Tag("from osm")]
     | Annotated[ElevationMap, Tag("from elevation")],
     Discriminator(_map_source),
+    ChosenByFunction(),
 ]

@@ -138,12 +138,17 @@ def test_a_campaign_in_the_background_outlives_its_terminal_and_answers_sigint(t
     with subprocess.Popen(["sh", "-c", script], cwd=ROOT, stdout=subprocess.PIPE, text=True) as shell:
         assert shell.stdout is not None
         process = int(shell.stdout.readline())
-        wait_for(lambda: cases(tmp_path / "out") > 0)
-        os.kill(process, signal.SIGHUP)
-        before = cases(tmp_path / "out")
-        wait_for(lambda: cases(tmp_path / "out") > before + 10)
-        os.kill(process, signal.SIGINT)
-        assert shell.stdout.readline() == "3\n"
+        try:
+            wait_for(lambda: cases(tmp_path / "out") > 0)
+            os.kill(process, signal.SIGHUP)
+            before = cases(tmp_path / "out")
+            wait_for(lambda: cases(tmp_path / "out") > before + 10)
+            os.kill(process, signal.SIGINT)
+            status, _ = shell.communicate(timeout=PATIENCE_S)
+        except BaseException:
+            os.kill(process, signal.SIGKILL)  # else it flies on after the test
+            raise
+        assert status == "3\n"
     assert (tmp_path / "log").read_text().endswith("error: stopped by SIGINT\n")
 
 
