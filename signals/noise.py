@@ -18,7 +18,7 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import NoiseGenerator, normals_from_uniforms
+from signals._kernel import NoiseGenerator, det_log, normals_from_uniforms
 
 _BLOCK = 256  # samples of one block of the counter; part of the definition of a draw
 
@@ -34,6 +34,16 @@ def normal_from_uniform(p: NDArray[np.float64]) -> NDArray[np.float64]:
     out = np.empty(p.size)
     normals_from_uniforms(np.ascontiguousarray(p, np.float64).ravel(), out)
     return out.reshape(p.shape)
+
+
+def uniform_from_bits(bits: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """Return uniforms on (0, 1), elementwise: 52 bits and half a step, so never 0, never 1, and 1 - p is exact."""
+    return ((bits >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+
+
+def exponential_nodes(count: int) -> NDArray[np.float64]:
+    """Return -ln u at the middles of `count` equal intervals of (0, 1): draws of an exponential of mean 1."""
+    return np.array([-det_log((k + 0.5) / count) for k in range(count)])
 
 
 class NoiseStream:
@@ -55,8 +65,7 @@ class NoiseStream:
         # Counter word 2 is the block and words 0-1 count within the block, so blocks never overlap.
         key = np.array(self._key, np.uint64)
         bits = np.random.Philox(key=key, counter=[0, 0, block, 0]).random_raw(_BLOCK * self.lanes)
-        # 52 bits and half a step: never 0, never 1, and 1 - p is exact.
-        return (((bits >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52).reshape(_BLOCK, self.lanes)
+        return uniform_from_bits(bits).reshape(_BLOCK, self.lanes)
 
     def normal_block(self, block: int) -> NDArray[np.float64]:
         """Return the standard normals of samples [block*256, (block+1)*256), shape (256, lanes)."""

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_exp
+from signals.units import STEFAN_BOLTZMANN_W_PER_M2_K4
 
 Float64 = NDArray[np.float64]
 
 BAND_UM = (8.0, 14.0)
 LOWEST_K, HIGHEST_K = 120.0, 450.0
-STEFAN_BOLTZMANN = 5.670374419e-8  # W / (m2 K4)
 _PI = 3.141592653589793
 _C2_UM_K = 14_387.76877
 _PER_K = 10  # nodes
@@ -46,7 +46,7 @@ def band_radiance(temperature_k: float) -> float:
     low, high = BAND_UM
     square = temperature_k * temperature_k
     share = share_below(high, temperature_k) - share_below(low, temperature_k)
-    return STEFAN_BOLTZMANN * square * square / _PI * share
+    return STEFAN_BOLTZMANN_W_PER_M2_K4 * square * square / _PI * share
 
 
 class _Tables(NamedTuple):

@@ -29,8 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_exp
-from sim._kernels import accumulate_linear, expose
+from signals.noise import uniform_from_bits
+from signals.time import NS_PER_S
 from sim.frame.camera_model import CameraModel
+from sim.frame.linear_picture import LinearPicture
 from sim.scene.precipitation import Precipitation
 
 _LEAST_MM = 0.3
@@ -38,7 +40,6 @@ _CLASSES = 128
 _MOST_DROPS = 200  # in a slot
 _INVERTED = 3.0  # m
 _BLOCKS = 16  # across the blurred picture
-_NS_PER_S = 1_000_000_000
 
 
 class Drop(NamedTuple):
@@ -56,7 +57,7 @@ class LensDrops:
         """`settings`: sim.sensors.camera_parameters.LensDrops."""
         s = settings
         self._camera, self._pupil_mm, self._away_mm = camera, s.pupil_mm, s.distance_mm
-        self._stay_ns, self._key = round(s.stay_s * _NS_PER_S), np.array(key, np.uint64)
+        self._stay_ns, self._key = round(s.stay_s * NS_PER_S), np.array(key, np.uint64)
         edges = [
             _LEAST_MM + (falling.width_mm(falling.largest_mm) - _LEAST_MM) * k / _CLASSES for k in range(_CLASSES + 1)
         ]
@@ -77,8 +78,7 @@ class LensDrops:
         area_m2 = 1e-6 * across_mm * down_mm
         self.mean_in_slot = min(s.exposed * area_m2 * self.flux_per_m2_s * 1.5 * s.stay_s, 0.6 * _MOST_DROPS)
         self._counts = _poisson_shares(self.mean_in_slot)
-        shape = (camera.height, camera.width, 3)
-        self._linear, self._mixed = np.zeros(shape, np.float32), np.zeros(shape, np.uint8)
+        self._picture = LinearPicture(camera)
 
     def on_window(self, t_ns: int) -> list[Drop]:
         """Return the drops that are there at a time, in the order in which they came."""
@@ -89,7 +89,7 @@ class LensDrops:
     def _of_slot(self, slot: int, slot_ns: int, t_ns: int) -> list[Drop]:
         # Slot -1 is the time before the run, in which it rained as well.
         raw = np.random.Philox(key=self._key, counter=[0, 0, 0, slot + 1]).random_raw(1 + 5 * _MOST_DROPS)
-        u = ((raw >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+        u = uniform_from_bits(raw)
         count = int(np.searchsorted(self._counts, u[0]))
         found, camera = [], self._camera
         margin_px = 0.5 * self._pupil_mm / self._away_mm * camera.fx
@@ -107,24 +107,12 @@ class LensDrops:
         drops = self.on_window(t_ns)
         if not drops:
             return
-        self._linear.fill(0.0)
-        accumulate_linear(rgb, 1.0, self._linear)
-        blurred = _blocks(self._linear)
+        self._picture.load(rgb)
+        blurred = _blocks(self._picture.light)
         touched = np.zeros(rgb.shape[:2], bool)
         for drop in drops:
             self._draw_one(drop, blurred, touched)
-        expose(
-            self._linear,
-            None,
-            gain=1.0,
-            electrons_at_white=1.0,
-            read_noise_electrons=0.0,
-            noisy=False,
-            key=(0, 0),
-            index=0,
-            rgb=self._mixed,
-        )
-        np.copyto(rgb, self._mixed, where=touched[:, :, None])
+        self._picture.store(rgb, touched)
 
     def _draw_one(self, drop: Drop, blurred: NDArray[np.float32], touched: NDArray[np.bool_]) -> None:
         camera, a, d = self._camera, self._pupil_mm, self._away_mm
@@ -144,7 +132,7 @@ class LensDrops:
         left, right, along = _between((drop.u_px - _INVERTED * du) * (columns / camera.width), columns)
         lines = blurred[above] + down[:, None, None] * (blurred[below] - blurred[above])
         seen = lines[:, left] + along[None, :, None] * (lines[:, right] - lines[:, left])
-        area = self._linear[top:bottom, first:last]
+        area = self._picture.light[top:bottom, first:last]
         area += opacity[:, :, None] * (seen - area)
         touched[top:bottom, first:last] |= opacity > 0.0
 

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_pow
 from signals.samples import Vec3
-from sim._kernels import accumulate_linear, draw_streaks, expose
+from sim._kernels import draw_streaks
 from sim.frame.camera_effects import mean_light
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
+from sim.frame.linear_picture import LinearPicture
 from sim.scene.precipitation import Precipitation
 
 USUAL_EXPOSURE_S = 0.008  # of a camera that states none
@@ -75,8 +76,7 @@ class RainStreaks:
         self._width_m, self._far_m = 1e-3 * np.array(middles_mm), np.array(far_m)
         self._fall_mps = np.array(fall_mps)
         shape = (camera.height, camera.width)
-        self._opacity, self._linear = np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32)
-        self._mixed = np.zeros((*shape, 3), np.uint8)
+        self._opacity, self._picture = np.zeros(shape, np.float32), LinearPicture(camera)
 
     def _visible_to_m(self, width_m: float, speed_mps: float) -> float:
         """Return the range at which a drop adds `_VISIBLE` to a pixel: as a streak, or as a point if it moves less."""
@@ -110,19 +110,8 @@ class RainStreaks:
     def draw(self, rgb: NDArray[np.uint8], pose: CameraPose, index: int) -> None:
         """Draw the drops of picture number `index`; pixels without one keep their bits."""
         opacity = np.minimum(self.opacity(pose, index), np.float32(1.0))[:, :, None]
-        self._linear.fill(0.0)
-        accumulate_linear(rgb, 1.0, self._linear)
+        self._picture.load(rgb)
         mean = np.array([mean_light(rgb[:, :, channel]) for channel in range(3)], np.float32)
-        self._linear += opacity * (mean - self._linear)
-        expose(
-            self._linear,
-            None,
-            gain=1.0,
-            electrons_at_white=1.0,
-            read_noise_electrons=0.0,
-            noisy=False,
-            key=self._key,
-            index=index,
-            rgb=self._mixed,
-        )
-        np.copyto(rgb, self._mixed, where=opacity > 0.0)
+        light = self._picture.light
+        light += opacity * (mean - light)
+        self._picture.store(rgb, opacity[:, :, 0] > 0.0)

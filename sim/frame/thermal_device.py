@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.noise import normal_from_uniform
+from signals.noise import normal_from_uniform, uniform_from_bits
 from sim.frame.band_radiance import band_radiance, radiance_of, temperature_of
 
 _REFERENCE_K, _HALF_K = 300.0, 0.5
@@ -39,7 +39,7 @@ class ThermalDevice:
         measured_k = temperature_k.astype(np.float64)
         if self._sigma > 0.0:
             bits = np.random.Philox(key=self._key, counter=[0, 0, index, 0]).random_raw(measured_k.size)
-            u = ((bits >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+            u = uniform_from_bits(bits)
             noise = normal_from_uniform(u).reshape(measured_k.shape)
             measured_k = temperature_of(radiance_of(measured_k) + self._sigma * noise)
         rounded = np.floor((measured_k - self._zero_k) * self._per_k + 0.5)

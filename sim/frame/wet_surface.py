@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from signals._kernel import det_pow
 from sim.scene.scene_map import Surface
+from sim.scene.srgb import linear, srgb
 from sim.scene.surfaces import GRASS, HAIR, LEAVES, SKIN
 
 _INDEX_2 = 1.33 * 1.33
@@ -64,13 +64,3 @@ def wet_gloss(gloss: Triple, share: float) -> Triple:
         shininess + share * max(_SHININESS - shininess, 0.0),
         metallic,
     )
-
-
-def linear(code: float) -> float:
-    """Return the light of an sRGB code / 255 (IEC 61966-2-1)."""
-    return code / 12.92 if code <= 0.04045 else det_pow((code + 0.055) / 1.055, 2.4)
-
-
-def srgb(light: float) -> float:
-    """Return the sRGB code / 255 of linear light."""
-    return 12.92 * light if light <= 0.0031308 else 1.055 * det_pow(light, 1.0 / 2.4) - 0.055

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-LIGHT_MPS = 299_792_458.0
+from signals.units import LIGHT_MPS
+
 SystemName = Literal["gps", "galileo", "glonass", "beidou"]
 
 

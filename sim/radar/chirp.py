@@ -21,8 +21,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
+from signals.units import LIGHT_MPS
 
-SPEED_OF_LIGHT_MPS = 299_792_458.0
+SPEED_OF_LIGHT_MPS = LIGHT_MPS
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
 _MIN_HZ = 1e6  # a wavelength of 300 m; far longer wavelengths overflow a float

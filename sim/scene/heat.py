@@ -35,6 +35,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from signals._kernel import det_exp, det_log, det_pow
+from signals.units import STEFAN_BOLTZMANN_W_PER_M2_K4
 from sim.scene import surfaces
 from sim.scene.atmosphere import ZERO_DEGC_K
 from sim.scene.light import light_in_haze
@@ -47,7 +48,6 @@ HAIR_SHARE = 0.5
 BONNET_K, TYRE_K = 25.0, 10.0  # over the air
 HUMIDITY = 0.5
 _SUN_W_PER_M2, _DIFFUSE = 1361.0, 0.1
-_STEFAN_BOLTZMANN = 5.670374419e-8
 _LEAST_WIND_MPS = 1.0
 _LEAST_SINE = 0.02
 
@@ -151,7 +151,7 @@ def climate_of(scene: Scene) -> Climate:
         clouds=light.clouds,
         beam_w_per_m2=beam,
         diffuse_w_per_m2=_DIFFUSE * beam,
-        loss_w_per_m2=_STEFAN_BOLTZMANN * cube * air_k * (1.0 - sky),
-        exchange_w_per_m2_k=5.7 + 3.8 * max(wind, _LEAST_WIND_MPS) + 4.0 * _STEFAN_BOLTZMANN * cube,
+        loss_w_per_m2=STEFAN_BOLTZMANN_W_PER_M2_K4 * cube * air_k * (1.0 - sky),
+        exchange_w_per_m2_k=5.7 + 3.8 * max(wind, _LEAST_WIND_MPS) + 4.0 * STEFAN_BOLTZMANN_W_PER_M2_K4 * cube,
         to_sun_W=light.to_sun_W,
     )

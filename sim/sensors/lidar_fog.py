@@ -34,13 +34,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_exp, det_log, det_sin
-from signals.noise import noise_key
+from signals._kernel import det_exp, det_sin
+from signals.noise import exponential_nodes, noise_key, uniform_from_bits
+from signals.units import LIGHT_MPS
 from sim.sensors.lidar_drops import beam_of
 from sim.sensors.lidar_echo import Echoes
 from sim.sensors.lidar_parameters import LidarParameters
 
-_HALF_LIGHT_MPS = 0.5 * 299_792_458.0
+_HALF_LIGHT_MPS = 0.5 * LIGHT_MPS
 _PI = 3.141592653589793
 _LN_20 = 2.995732273553991
 _BACKSCATTER = 0.046  # of the meteorological optical range
@@ -96,14 +97,13 @@ class FogReturns:
         self.share = det_exp(-p.least_drop_echo / echo.strength)  # of rays with a detected echo
         self._least_power = beam.least_power_per_m2
         self._key = np.array(noise_key(seed, f"{name}.fog"), np.uint64)
-        table = [-det_log((k + 0.5) / _NODES) for k in range(_NODES)]
-        self._minus_log = np.array(table)  # at the middle of each interval
+        self._minus_log = exponential_nodes(_NODES)
 
     def added(self, echoes: Echoes, place: NDArray[np.int32], seq: int) -> Echoes:
         """Return the echoes with fog. Ray i of sweep `seq` is element `place[i]` and uses draws 2 i and 2 i + 1."""
         n = len(place)
         bits = np.random.Philox(key=self._key, counter=[0, 0, 0, seq]).random_raw(2 * n)
-        u = ((bits >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+        u = uniform_from_bits(bits)
         ray = np.flatnonzero(u[0::2] < self.share)  # g = -ln u
         at, where = place[ray], 2.0 * u[1::2][ray]
         range_m = self.echo.range_m * np.where(where < 1.0, 1.0 / (2.0 - where), where)

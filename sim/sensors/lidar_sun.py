@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_cos, det_exp, det_log
-from signals.noise import noise_key
-from signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_exp
+from signals.noise import exponential_nodes, noise_key
+from signals.units import LIGHT_MPS, RAD_PER_DEG
 from sim.scene.light import light_in_haze
 from sim.scene.scene import Scene
 from sim.sensors.lidar_drops import beam_of
@@ -41,7 +41,6 @@ from sim.sensors.lidar_parameters import LidarParameters
 Float64 = NDArray[np.float64]
 SUN_RADIANCE = 46_200.0  # of white ground's
 _SUN_RADIUS_RAD = 0.2665 * RAD_PER_DEG
-_LIGHT_MPS = 299_792_458.0
 _TWO_ROOT_3 = 3.4641016151377544
 _NODES = 4096
 
@@ -84,9 +83,9 @@ class SunNoise:
         self._in_sun = det_cos(_SUN_RADIUS_RAD + 0.5 * beam.divergence_rad)
         ratio = math.sqrt(1.0 + self._k * SUN_RADIANCE)
         t = sun.threshold_sigma * min(ratio, sun.greatest_rise) / ratio
-        self.per_m = 2.0 / _LIGHT_MPS * det_exp(-0.5 * t * t) / (_TWO_ROOT_3 * p.pulse_s)  # in the sun
+        self.per_m = 2.0 / LIGHT_MPS * det_exp(-0.5 * t * t) / (_TWO_ROOT_3 * p.pulse_s)  # in the sun
         self._key = np.array(noise_key(seed, f"{name}.sun"), np.uint64)
-        self._minus_log = np.array([-det_log((k + 0.5) / _NODES) for k in range(_NODES)])
+        self._minus_log = exponential_nodes(_NODES)
 
     @classmethod
     def of(

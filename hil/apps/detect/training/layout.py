@@ -1,4 +1,4 @@
-"""Layout of the shipped networks: anchors, normalisation and usual input size, as written into their descriptions."""
+"""Layout of the network: anchors, normalisation and usual input size, as written into the model's description."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_companion.detect.model_file import Level, ModelFile, all_anchors_px
 
-INPUT_PX = (320, 240)  # of `fast`; another size has the same anchors in pixels of the input
+INPUT_PX = (320, 240)  # of the shipped one; another size has the same anchors in pixels of the input
 RATIOS = (0.45, 1.0, 2.2)
 # Levels with many positions have few anchor shapes; one is enough with adaptive sample selection (Zhang et al. 2020,
 # ATSS).

@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_pow
 from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_schema import Material, TextureInfo
 from sim.scene.imports.pictures import decoded_picture
 from sim.scene.maps.texture_tools import encoded_png
 from sim.scene.scene_map import Surface
+from sim.scene.srgb import srgb
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 
 MAX_EDGE = 2048  # of a texture; larger ones are made smaller
@@ -97,7 +97,7 @@ def look_of(file: GltfFile, index: int | None) -> Look:
         uv_set = int(transform["texCoord"])
     return Look(
         name,
-        (_srgb(factor[0]), _srgb(factor[1]), _srgb(factor[2])),
+        (srgb(factor[0]), srgb(factor[1]), srgb(factor[2])),
         texture,
         holes,
         uv_set,
@@ -133,14 +133,9 @@ def _image_of(file: GltfFile, info: TextureInfo) -> int | None:
     return texture.source
 
 
-def _srgb(linear: float) -> float:
-    """Return the sRGB code / 255 of linear light (IEC 61966-2-1)."""
-    return 12.92 * linear if linear <= 0.0031308 else 1.055 * det_pow(linear, 1.0 / 2.4) - 0.055
-
-
 def srgb_of(colour: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return the sRGB code / 255 of a linear colour."""
-    r, g, b = (_srgb(min(max(float(v), 0.0), 1.0)) for v in colour)
+    r, g, b = (srgb(min(max(float(v), 0.0), 1.0)) for v in colour)
     return r, g, b
 
 

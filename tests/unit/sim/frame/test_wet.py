@@ -15,9 +15,10 @@ from sim.frame.geometry import FrameGeometry
 from sim.frame.lens_drops import Drop, LensDrops
 from sim.frame.renderer import FrameRenderer
 from sim.frame.source import SharedFrames
-from sim.frame.wet_surface import linear, srgb, wet_albedo, wet_colour, wetness
+from sim.frame.wet_surface import wet_albedo, wet_colour, wetness
 from sim.scene.precipitation import rain
 from sim.scene.scene import load_scene
+from sim.scene.srgb import linear, srgb
 from sim.scene.weather import Weather
 from sim.sensors.camera_parameters import LensDrops as Settings
 from sim.world_loader import load_world
