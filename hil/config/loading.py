@@ -94,6 +94,8 @@ class BenchLoading:
         if "mission" not in options and has_own_site(Path(str(options.get("scene", "")))):
             # The bench file's mission is at another place on Earth. A --set mission=... still counts: it comes last.
             self.settings.set(("mission",), None, "--scene")
+        if is_map_file(Path(str(options.get("scene", "")))):  # the bench file's seed makes the map of its own scene
+            self.settings.set(("map_seed",), None, "--scene")
         self.problems += merge_options(self.settings, settings)
 
     def _take_complete(self, bench: Document) -> bool:

@@ -32,6 +32,17 @@ def test_the_default_bench_is_found_from_anywhere() -> None:
     assert sensors == {"imu": "imu", "gps": "gps", "barometer": "baro", "magnetometer": "mag"}
 
 
+def test_a_map_on_the_command_line_takes_the_place_of_a_map_made_from_a_seed() -> None:
+    quarter = REPOSITORY / "docs" / "examples" / "places" / "quarter.osm"
+    village = REPOSITORY / "rigs" / "explore.yaml"
+    assert load_bench(village).config.map_seed == 1
+    bench = load_bench(village, scene=str(quarter))
+    assert (bench.scene.name, bench.config.map_seed) == ("quarter", None)
+    assert bench.config.goal is not None
+    with pytest.raises(ConfigError, match="map_seed"):  # asked for at the same time
+        load_bench(village, scene=str(quarter), settings=["map_seed=2"])
+
+
 def test_an_empty_file_is_a_bench_with_the_standard_sensors() -> None:
     bench = load("")
     assert list(bench.config.sensors) == ["imu", "gps", "baro", "mag"]
