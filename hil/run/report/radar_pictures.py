@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from hil.run.report.frame_pictures import colour_bar, draw_channel, make_panels, note
 from sim.radar.chirp import Chirp
+from sim.radar.spinning import Beam, cartesian
 
 POWER_MAP = "inferno"
 _SPEED_MAP = "RdBu_r"
 _MAX_SPAN_DB = 70.0  # of the colour scale, below the peak
 _FLOOR_PERCENTILE = 20.0  # of a map, taken as the noise floor
 _MIN_POWER = 1e-12  # counts squared
+_PIXELS = 700  # across a picture from above
 _PANEL_RATIO = 0.8  # height to width
 
 Power = NDArray[np.floating[Any]]
@@ -143,6 +145,40 @@ def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[An
     panel.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
     panel.tick_params(labelsize=7.5)
     panel.set_title("from above, " + " and ".join(counts), fontsize=9.5, loc="left")
+
+
+def revolution_figure(title: str, codes: NDArray[np.uint8], beam: Beam, points_L: NDArray[np.floating[Any]]) -> Figure:
+    """Draw a revolution of a spinning radar: power by azimuth and range, and from above with its points."""
+    figure = Figure(figsize=(13.5, 6.2), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    polar, above = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.25, 1.0)})
+    low_dbm, high_dbm = beam.noise_dbm, beam.noise_dbm + _MAX_SPAN_DB
+    norm = Normalize(low_dbm, high_dbm)
+    step_deg = 360.0 / len(codes)
+    extent = (-0.5 * beam.bin_m, beam.max_range_m + 0.5 * beam.bin_m, 360.0 - 0.5 * step_deg, -0.5 * step_deg)
+    polar.imshow(
+        beam.floor_dbm + beam.step_db * codes, aspect="auto", interpolation="nearest", extent=extent, cmap=POWER_MAP,
+        norm=norm,
+    )  # fmt: skip
+    polar.set(xlabel="range [m]", ylabel="azimuth [deg], clockwise from ahead", yticks=range(0, 361, 45))
+    polar.set_title("power by azimuth and range", fontsize=9.5, loc="left")
+    half_m = 0.5 * beam.max_range_m
+    picture = cartesian(codes, beam.bin_m, half_width_m=half_m, pixels=_PIXELS)
+    above.imshow(
+        beam.floor_dbm + beam.step_db * picture, extent=(-half_m, half_m, -half_m, half_m), cmap=POWER_MAP, norm=norm,
+        interpolation="nearest",
+    )  # fmt: skip
+    above.plot(-points_L[:, 1], points_L[:, 0], ".", ms=1.2, color=_TRACK, label=f"{len(points_L)} points")
+    above.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    above.set(xlim=(-half_m, half_m), ylim=(-half_m, half_m), xlabel="to the right [m]", ylabel="ahead [m]")
+    above.set_title("from above", fontsize=9.5, loc="left")
+    above.legend(loc="upper right", fontsize=8)
+    for axes in (polar, above):
+        axes.grid(visible=False)
+        axes.tick_params(labelsize=7.5)
+    bar = figure.colorbar(ScalarMappable(norm, POWER_MAP), ax=above, extend="both", pad=0.01)
+    bar.set_label("[dBm]", fontsize=8)
+    return figure
 
 
 def _counted(count: int, noun: str) -> str:
