@@ -37,7 +37,7 @@ _MAX_MASK = 0xFFF
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """What the samples of a capture are."""
+    """Settings of a capture: what its samples are."""
 
     chirp: Chirp  # of all transmitters
     receivers: tuple[int, ...]  # numbers of those that are on, from 1
