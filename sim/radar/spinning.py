@@ -8,9 +8,9 @@ cosine c_i. With the two-way pattern G^2 in azimuth about the beam's axis a_k an
 
 (radar equation with dA = R^2 dOmega / c; W: power response of a Hann window, Harris, Proc. IEEE 66, 1978). Where the
 neighbours of a ray meet the same plane surface, its power is spread evenly over the ranges half way to theirs, which on
-the ground are many bins: otherwise each row of rays would draw a ring. Powers add:
-a bin holds many scatterers, and its value is the mean over their phases. To it the receiver adds complex normal noise n
-of mean power N, and codes it in steps of decibels:
+the ground are many bins: otherwise each row of rays would draw a ring. Powers add: a bin holds many scatterers, and its
+value is the mean over their phases. To it the receiver adds complex normal noise n of mean power N, and codes it in
+steps of decibels:
 
     P' = |sqrt(P) + n|^2 = P + N E + 2 sqrt(P N E) cos(phi),   E exponential, phi uniform
     code = round( (10 log10(P' / 1 mW) - floor) / step ), 0 to 255
@@ -26,7 +26,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from signals._kernel import det_cos, det_log, det_pow, det_sin
 from signals.documents.validate import StrictModel
@@ -67,6 +67,13 @@ class Beam(StrictModel):
     columns_per_azimuth: Annotated[int, Field(ge=1, le=8)] = 2
     elevation_spacing_deg: Annotated[float, Field(ge=0.1, le=5.0)] = 0.5
 
+    @model_validator(mode="after")
+    def _elevations_in_order(self) -> Beam:
+        low, high = self.elevation_deg
+        if not low < high:
+            raise ValueError(f"elevation_deg [{low:g}, {high:g}] is empty")
+        return self
+
     @property
     def max_range_m(self) -> float:
         return (self.bins - 1) * self.bin_m
@@ -76,10 +83,7 @@ class SpinningBeam:
     """Rays of a revolution, and the power of what they meet. Columns of rays turn clockwise from ahead."""
 
     def __init__(self, beam: Beam, surfaces: tuple[Surface, ...]) -> None:
-        """Raises ValueError if `elevation_deg` is empty."""
         low, high = beam.elevation_deg
-        if not low < high:
-            raise ValueError(f"elevation_deg {low:g} to {high:g} is empty")
         self._beam = beam
         self._reflection = BistaticReflection(surfaces, beam.frequency_hz, Reflection())
         self.columns = beam.azimuths * beam.columns_per_azimuth
@@ -105,7 +109,8 @@ class SpinningBeam:
         elevation = beam.antenna.share(up)
         watt = 1e-3 * det_pow(10.0, 0.1 * beam.tx_power_dbm)
         wavelength_m = SPEED_OF_LIGHT_MPS / beam.frequency_hz
-        scale = watt * beam.antenna.axis_gain**2 * wavelength_m**2 / _FOUR_PI**3
+        gain_m = beam.antenna.axis_gain * wavelength_m
+        scale = watt * gain_m * gain_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)
         weight = scale * elevation * elevation * step_rad * (sines[1:] - sines[:-1])
         self._weight = np.tile(weight, len(turn))
         # Azimuths that a column of each place in a step reaches, and the gain towards it.
@@ -120,7 +125,7 @@ class SpinningBeam:
         levels_dbm = [beam.floor_dbm + (code + 0.5) * beam.step_db for code in range(CODES - 1)]
         self._levels_w = np.array([1e-3 * det_pow(10.0, 0.1 * level) for level in levels_dbm])
         self.noise_w = 1e-3 * det_pow(10.0, 0.1 * beam.noise_dbm)
-        # Means of E over equal shares of its distribution, but for rounding; cos(phi) at the middles of equal steps.
+        # E at the middles of equal shares of its distribution, and cos(phi) at the middles of equal steps.
         self._exponential = np.array([-det_log((i + 0.5) / _TABLE) for i in range(_TABLE)])
         self._cosine = np.array([det_cos(TURN_RAD * (i + 0.5) / _TABLE) for i in range(_TABLE)])
 
