@@ -1,5 +1,6 @@
 // sim._kernels.MirrorSearch: mirrors among rays on a grid, with the tables of one world at one carrier. Contract:
-// sim/native/radar/mirror_search.hpp.
+// sim/native/radar/mirror_search.hpp. Compiled alone: no group of CMakeLists.txt has it, for in one unit with the other
+// bindings of radars GCC 12 does not come to an end.
 #include <cmath>
 
 #include "bind_arrays.hpp"
