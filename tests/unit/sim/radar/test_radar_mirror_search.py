@@ -155,7 +155,7 @@ def test_refusals() -> None:
     }.items():
         with pytest.raises(ValueError, match=message):
             call()
-    assert mirror_in_plane(
-        np.empty((0, 2), np.int64), np.empty((3, 0)), np.empty((3, 0)), np.empty(0), np.empty(0, np.int64),
-        np.empty(0, np.uint8),
-    ) is None  # fmt: skip
+    none = np.empty((3, 0))
+    mirror_in_plane(  # an empty list of rays is none
+        np.empty((0, 2), np.int64), none, none, np.empty(0), np.empty(0, np.int64), np.empty(0, np.uint8)
+    )
