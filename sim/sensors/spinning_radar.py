@@ -123,22 +123,25 @@ class SpinningRadar(InstalledSensor):
         azimuth, bin_number = self._peaks()
         self._point_azimuth, self._motion = azimuth, motion
         self._point_geom = self._strongest(some, power_w, azimuth * p.bins + bin_number)
-        range_m = (bin_number * p.bin_m).astype(np.float32)
-        points_L = (self._beam.azimuth_L[azimuth] * (bin_number * p.bin_m)[:, None]).astype(np.float32)
         q_WL: Quat = self.mount.attitude(truth)
         arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
+        cloud = (
+            (self._beam.azimuth_L[azimuth] * (bin_number * p.bin_m)[:, None]).astype(np.float32),
+            (bin_number * p.bin_m).astype(np.float32),
+            (self.polar[azimuth, bin_number] / (CODES - 1.0)).astype(np.float32),
+            np.zeros(len(azimuth), np.uint8),
+            self._azimuth_ns[azimuth],
+            self._class[self._point_geom],
+        )
+        for array in cloud:
+            array.flags.writeable = False
         return PointCloudSample(
             seq,
             t_ns,
             t_ns + self.latency_ns,
             (truth.p_WB[0] + arm[0], truth.p_WB[1] + arm[1], truth.p_WB[2] + arm[2]),
             q_WL,
-            points_L,
-            range_m,
-            (self.polar[azimuth, bin_number] / (CODES - 1.0)).astype(np.float32),
-            np.zeros(len(azimuth), np.uint8),
-            self._azimuth_ns[azimuth],
-            self._class[self._point_geom],
+            *cloud,
         )
 
     def instances(self) -> NDArray[np.uint16]:
