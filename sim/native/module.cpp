@@ -16,6 +16,7 @@ void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_lidar_drops(nb::module_ &m);
 void bind_lidar_receiver(nb::module_ &m);
+void bind_radar_mirrors(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
 void bind_radar_synthesis(nb::module_ &m);
@@ -39,6 +40,7 @@ NB_MODULE(_kernels, m) {
     bind_imu(m);
     bind_lidar_drops(m);
     bind_lidar_receiver(m);
+    bind_radar_mirrors(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);
     bind_radar_synthesis(m);

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from signals._kernel import det_pow
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
-from sim._kernels import Vicinity
+from sim._kernels import MirrorSearch, Vicinity, mirror_in_plane
 from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.radar.antenna import Antenna
@@ -71,7 +71,6 @@ _THIN_M, _WIDE_M = 0.05, 0.5  # half the thickness and width of a mesh that is o
 _LIFT_M = 5e-4  # of reflected rays off their mirror
 _TOUCH_M = 5e-3  # ranges that agree
 _LEAST_COSINE = 1e-3
-_SAME_NORMAL, _SAME_PLANE_M = 1.0 - 1e-5, 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +159,16 @@ class GhostEchoes:
         share = self._share(directions(coarse, self._spacing_rad * _COARSE))
         coarse, self._coarse_share = coarse[share >= self._floor], share[share >= self._floor]
         self._coarse_R = _columns(directions(coarse, self._spacing_rad * _COARSE))
-        # Neighbours of each cell in eight rows; -1, where there is none, is the last element, which callers append.
-        around = CellIndex(coarse).neighbours(coarse)
-        self._coarse_around = np.ascontiguousarray(around.T)
         self._fine = children(coarse)
-        self._fine_R = _columns(directions(self._fine, self._spacing_rad))
+        self._search = MirrorSearch(
+            self._reflection.table,
+            surface=self._surface,
+            mirror=is_mirror.astype(np.uint8),
+            flat=flat.astype(np.uint8),
+            around=CellIndex(coarse).neighbours(coarse),
+            fine_R=_columns(directions(self._fine, self._spacing_rad)),
+            floor=self._floor,
+        )
         self._corners = MirroredCorners(world.map.corners, antenna, mask, self._scale, chirp.wavelength_m)
         self.rays = 0  # cast in the last frame
 
@@ -206,12 +210,8 @@ class GhostEchoes:
 
     def _mirror_power(self, ways_W: Vectors, share: Float64, hits: _Hits) -> Float64:
         """Return g^2; 0 for what is no mirror, or one below the floor. `share`: the antenna's gain."""
-        power = np.zeros(len(hits.geom))
-        some = np.flatnonzero(self._mirror_at[hits.geom])
-        cosine = -_dot(hits.normal, ways_W)[some]
-        found = self._reflection.mirror_power(self._surface[hits.geom[some]], cosine)
-        found[found * share[some] < self._floor] = 0.0
-        power[some] = found
+        power = np.empty(len(hits.geom))
+        self._search.powers(hits.geom, hits.normal, ways_W, share, power)
         return power
 
     def _mirrors(self, p_W: Vec3, axes: Float64) -> tuple[Cells, Vectors, _Hits, Float64, NDArray[np.bool_]]:
@@ -221,62 +221,39 @@ class GhostEchoes:
         array is True there. `_bent` casts those that count, which are few: most rays by the ground end in the sky.
         """
         coarse_W = _turned(self._coarse_R, axes)
-        hits = self._cast(_at(p_W), coarse_W, self._limit_m)
-        power = self._mirror_power(coarse_W, self._coarse_share, hits)
-        shows, geom, normal = np.append(power > 0.0, False), np.append(hits.geom, -2), hits.normal
-        shown_around = shows[self._coarse_around]
-        near = np.flatnonzero(shows[:-1] | shown_around.any(axis=0))
-        same = shown_around & (geom[self._coarse_around] == geom[:-1])
-        within = np.flatnonzero(shows[:-1] & self._flat_at[hits.geom] & same.all(axis=0))
-        for row in self._coarse_around:
-            within = within[_dot(normal[:, within], normal[:, row[within]]) > _SAME_NORMAL]
-        assumed = np.zeros(len(hits.geom), np.bool_)
-        assumed[within] = True
+        coarse = self._cast(_at(p_W), coarse_W, self._limit_m)
+        power = self._mirror_power(coarse_W, self._coarse_share, coarse)
+        near, within = np.empty(len(power), np.int64), np.empty(len(power), np.uint8)
+        near = near[: self._search.near(coarse.geom, coarse.normal, coarse_W, power, near, within)]
 
-        fine = (9 * near[:, None] + _NINE).reshape(-1)
-        ways_W = _turned(self._fine_R[:, fine], axes)
-        parent = np.repeat(near, 9)
-        assumed, geom, n = assumed[parent], hits.geom[parent], normal[:, parent]
-        reached_m = np.where(hits.geom >= 0, hits.range_m, 0.0)
-        offset = (reached_m * _dot(normal, coarse_W))[parent]
-        range_m = np.zeros(len(fine))
-        down = _dot(n, ways_W)
-        assumed &= down < -_LEAST_COSINE
-        np.divide(offset, down, out=range_m, where=assumed)
+        n = 9 * len(near)
+        ways_W, normal = np.empty((3, n)), np.empty((3, n))
+        range_m, geom, assumed = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
+        self._search.fine(
+            coarse.geom, coarse.normal, coarse_W, coarse.range_m, near, within, axes,
+            ways_W, range_m, geom, normal, assumed.view(np.uint8),
+        )  # fmt: skip
         checked = np.flatnonzero(~assumed)
         cast = self._cast(_at(p_W), ways_W[:, checked], self._limit_m)
-        range_m[checked], geom[checked], n[:, checked] = cast.range_m, cast.geom, cast.normal
-        hits = _Hits(range_m, geom, n, range_m)  # mirrors are at rest: their speeds are not asked for
-        cells = self._fine[fine]
-        power = self._plane_power(cells, ways_W, self._coarse_share[parent], hits)
+        range_m[checked], geom[checked], normal[:, checked] = cast.range_m, cast.geom, cast.normal
+        hits = _Hits(range_m, geom, normal, range_m)  # mirrors are at rest: their speeds are not asked for
+        cells = self._fine[(9 * near[:, None] + _NINE).reshape(-1)]
+        power = self._plane_power(cells, ways_W, np.repeat(self._coarse_share[near], 9), hits)
         some = np.flatnonzero(power > 0.0)
         return cells[some], ways_W[:, some], hits.of(some), power[some], assumed[some]
 
     def _plane_power(self, cells: Cells, ways_W: Vectors, share: Float64, hits: _Hits) -> Float64:
-        """Return g^2 of what is plane, and 0 for what is no mirror."""
+        """Return g^2 of what is plane, and 0 for what is no mirror.
+
+        A facet of a mesh is plane where two or more of the eight neighbours are in its plane.
+        """
         power = self._mirror_power(ways_W, share, hits)
         faceted = np.flatnonzero((power > 0.0) & ~self._flat_at[hits.geom])
         if len(faceted):
-            power[faceted[~self._in_plane(cells, faceted, ways_W, hits)]] = 0.0
+            plane = np.empty(len(faceted), np.bool_)
+            mirror_in_plane(cells, hits.normal, ways_W, hits.range_m, faceted, plane.view(np.uint8))
+            power[faceted[~plane]] = 0.0
         return power
-
-    def _in_plane(self, fine: Cells, some: Ids, ways_W: Vectors, hits: _Hits) -> NDArray[np.bool_]:
-        """Return True where two or more of the eight neighbours are in the plane of the facet."""
-        around = CellIndex(fine).neighbours(fine[some])
-        reach = np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)
-        place = reach * ways_W
-        agree = np.zeros(len(some), np.int64)
-        n = hits.normal[:, some]
-        offset = _dot(n, place[:, some])
-        left = np.arange(len(some))  # that have fewer than two so far
-        for row in around.T:
-            at = left[row[left] >= 0]
-            beside, facet = row[at], n[:, at]
-            same = _dot(facet, hits.normal[:, beside]) > _SAME_NORMAL
-            same &= np.abs(_dot(facet, place[:, beside]) - offset[at]) < _SAME_PLANE_M
-            agree[at] += same
-            left = left[agree[left] < 2]
-        return agree >= 2
 
     def _bent(
         self,

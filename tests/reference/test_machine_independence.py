@@ -164,6 +164,7 @@ FRAME_EXTRA = {
     "camera": {"shadows": True, "channels": list(CHANNELS), "resolution": (160, 120)},
     "lidar": {"beam_divergence_rad": 0.003},
     "radar": {"mount_m": (0.0, 0.0, 1.0), "resolution": (96, 64)},
+    "spinning_radar": {"mount_m": (0.0, 0.0, 1.0), "bins": 700, "threshold_db": 6.0},
 }
 FAULTS = [
     {"kind": "drift", "at_s": 0.4, "until_s": 0.6, "rate_per_s": 0.3},

@@ -49,6 +49,7 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "camera": ("front", {"kind": "camera", "resolution": [16, 12], "fov_deg": 90, "rate_hz": 10, "channels": ["rgb"]}),
     "lidar": ("lidar", {"preset": "vlp16", "rate_hz": 10}),
     "radar": ("radar", {"preset": "bgt60tr13c", "rate_hz": 10}),
+    "spinning_radar": ("spinning", {"preset": "navtech_cts350x", "rate_hz": 10, "azimuths": 36, "threshold_db": 6.0}),
 }
 # Effects on the world, by section and key, each with a value that the flight or a picture shows.
 WORLD: dict[str, dict[str, Any]] = {

@@ -42,6 +42,7 @@ from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from sim.frame.source import SharedFrames
 from sim.sensors.lidar import Lidar
+from sim.sensors.spinning_radar import SpinningRadar
 
 if TYPE_CHECKING:
     from hil.apps.dataset.object_writer import ObjectWriter
@@ -114,7 +115,7 @@ class BatchMaker:
     def sample(self, truth: TruthState, due: DueSample) -> FrameSample:
         """Take a due sample; `EPOCH_NS` is added to its times, as in all files of the data set."""
         sensor = self.sensors[due.sensor]
-        if isinstance(sensor, Lidar):
+        if isinstance(sensor, Lidar | SpinningRadar):
             sensor.set_previous_truth(due.previous)
         sample: FrameSample = sensor.sample(truth, due.seq)
         return sample._replace(

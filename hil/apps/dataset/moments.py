@@ -18,12 +18,14 @@ from signals.time import RateAccumulator, period_ns_from_hz
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_bodies import VehicleBodies
 
+SWEPT_KINDS = ("lidar", "spinning_radar")  # whose samples span the time since the one before
+
 
 class DueSample(NamedTuple):
     """One sample to take.
 
-    `previous` is the true state at the previous sample of a LiDAR, whose sweep spans the motion since then. It is None
-    for other sensors and for the first sample of a flight.
+    `previous` is the true state at the previous sample of a LiDAR or a spinning radar, whose sweep spans the motion
+    since then. It is None for other sensors and for the first sample of a flight.
     """
 
     sensor: str
@@ -95,7 +97,7 @@ class SampleClock:
             if rate.due():
                 seq = self._seq.get(name, 0)
                 self._seq[name] = seq + 1
-                if self.sensors[name].kind == "lidar":
+                if self.sensors[name].kind in SWEPT_KINDS:
                     samples.append(DueSample(name, seq, self._previous.get(name)))
                     self._previous[name] = truth
                 else:
@@ -109,7 +111,7 @@ class OtherVehicles:
     def __init__(self, vehicles: Mapping[str, Vehicle], sensors: Mapping[str, SensorConfig]) -> None:
         """`sensors`: the recorded vehicle's cameras, LiDARs and radars."""
         self._vehicles = vehicles
-        self._sweep_ns = {n: period_ns_from_hz(s.rate_hz) for n, s in sensors.items() if s.kind == "lidar"}
+        self._sweep_ns = {n: period_ns_from_hz(s.rate_hz) for n, s in sensors.items() if s.kind in SWEPT_KINDS}
         self._bodies: dict[str, VehicleBodies] = {}
 
     def start_flight(self) -> None:

@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.progress import track
 
 from hil.apps.radar.dca1000 import Dca1000File
+from hil.apps.radar.dca1000_source import open_capture
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
@@ -62,7 +63,12 @@ def process_radar(
 
     Raises ConfigError, RecordingError.
     """
-    source = open_source(target, preset=preset, texts=settings, sensor=sensor)
+    if target.suffix == ".bin":
+        if sensor is not None:
+            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
+        source = open_capture(target, preset=preset, texts=settings)
+    else:
+        source = open_source(target, preset=preset, texts=settings, sensor=sensor)
     if span != TimeSpan():
         source = _frames_in_span(source, span)
     folder = outputs.folder if outputs.folder is not None else _folder(target)

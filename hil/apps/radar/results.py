@@ -153,6 +153,10 @@ class Results:
             "max_range_m": chirp.max_range_m,
             "speed_resolution_mps": chirp.speed_resolution_mps,
             "max_speed_mps": chirp.max_speed_mps,
+            # Rows of tracks.csv whose speed is beyond max_speed_mps: a fast object, or a track that was lost.
+            "track_rows_beyond_max_speed": sum(
+                int(np.count_nonzero(np.abs(tracks["speed_mps"]) > chirp.max_speed_mps)) for tracks in self.tracks
+            ),
         }
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         return path

@@ -4,6 +4,7 @@
     RUN_DIR whose camera recorded range, normal,   frames made from these pictures with the run's seed; their bytes are
       material and radial_velocity                 those of a radar that uses the camera during the run
     .npz or .npy with its .json                    a recording of a real sensor, or of `hil radar` itself
+    .bin                                           a capture of a TI board: dca1000_source.py
 
 Each source gives its settings, the number of its frames, and the frames.
 """
@@ -98,7 +99,9 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
         path, vehicle = target.parent / MCAP_NAME, target.name  # one vehicle of a run with several
     if not path.is_file():
         message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
-        raise ConfigError([Problem(str(target), message, "give the folder of a run, its run.mcap, or an .npz or .npy")])
+        raise ConfigError(
+            [Problem(str(target), message, "give the folder of a run, its run.mcap, an .npz, .npy or .bin")]
+        )
     try:
         recording = Recording(path, vehicle)
         topics = _topics(recording)

@@ -2,8 +2,8 @@
 
 Writes `contact_sheet.png` (every channel from the first view point, colour from the others, a LiDAR sweep and a radar
 frame), and for each view point a sheet of its channels, `POINT.png`, a radar frame, `POINT_radar.png`, and each channel
-pixel for pixel, `POINT_CHANNEL.png`. With `--variants N` it writes `variants.png` instead: the first view point under N
-seeds.
+pixel for pixel, `POINT_CHANNEL.png`; from the first one also a revolution of a spinning radar,
+`POINT_spinning_radar.png`. With `--variants N` it writes `variants.png` instead: the first view point under N seeds.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ from sim.scene.view_point import ViewPoint
 from sim.sensors.catalog import make_sensor
 from sim.sensors.radar import Radar
 from sim.sensors.sensor import Installation
+from sim.sensors.spinning_radar import SpinningRadar
 
 SHEET_NAME = "contact_sheet.png"
 FOV_DEG = 90.0
 DEFAULT_SIZE = (640, 480)
 _TICK_NS = 4_000_000
-_LIDAR, _RADAR = "vlp16", "bgt60tr13c"  # presets of the sensors shown
+_LIDAR, _RADAR, _SPINNING_RADAR = "vlp16", "bgt60tr13c", "navtech_cts350x"  # presets of the sensors shown
 _FAR_M = 1000.0
 
 Pictures = Mapping[str, NDArray[Any]]
@@ -168,6 +169,9 @@ def _write_pictures(
             path = folder / f"{point.name}_radar.png"
             figures.save(radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen), path)
             files.append(path)
+        path = folder / f"{points[0].name}_spinning_radar.png"
+        figures.save(_revolution(scene, frames, points[0]), path)
+        files.append(path)
         cloud = _sweep(scene, frames, points[0])
 
         def radar_panel(panel: Any) -> None:
@@ -207,6 +211,21 @@ def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSam
     sample = lidar.sample(pose_of(level), 0)
     assert isinstance(sample, PointCloudSample)
     return sample
+
+
+def _revolution(scene: Scene, frames: FrameSource, point: ViewPoint) -> Any:
+    """Draw one revolution of a level spinning radar at a view point."""
+    from hil.run.report import radar_pictures
+
+    radar = make_sensor(
+        Installation("spinning", rate_hz=4.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames),
+        preset=_SPINNING_RADAR,
+        overrides={"rolling": False},
+    )
+    assert isinstance(radar, SpinningRadar)
+    level = ViewPoint(name=point.name, at_m=point.at_m, look_deg=(point.look_deg[0], 0.0))
+    sample = radar.sample(pose_of(level), 0)
+    return radar_pictures.revolution_figure(_title(scene, level), radar.polar, radar.beam, sample.points_L)
 
 
 def _radar_frame(scene: Scene, frames: FrameSource, point: ViewPoint) -> tuple[Radar, RadarSample]:

@@ -17,7 +17,9 @@ class RadarOptions:
     target: Annotated[
         Path,
         typer.Argument(
-            help="Folder of a run, its run.mcap, or a recording (.npz or .npy with its .json).", metavar="RECORDING"
+            help="Folder of a run, its run.mcap, a recording (.npz or .npy with its .json), or a TI board's capture "
+            "(.bin with mmWave Studio's .json).",
+            metavar="RECORDING",
         ),
     ]
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default `radar` beside the data.")] = None

@@ -17,16 +17,18 @@ from numpy.typing import NDArray
 
 from hil.run.report.frame_pictures import colour_bar, draw_channel, make_panels, note
 from sim.radar.chirp import Chirp
+from sim.radar.spinning import Beam, cartesian
 
 POWER_MAP = "inferno"
 _SPEED_MAP = "RdBu_r"
 _MAX_SPAN_DB = 70.0  # of the colour scale, below the peak
 _FLOOR_PERCENTILE = 20.0  # of a map, taken as the noise floor
 _MIN_POWER = 1e-12  # counts squared
+_PIXELS = 700  # across a picture from above
 _PANEL_RATIO = 0.8  # height to width
 
 Power = NDArray[np.floating[Any]]
-_TRACK = "#35d0ff"
+_TRACK, _FOLDED = "#35d0ff", "#7dff6a"
 
 
 def radar_figure(
@@ -145,6 +147,40 @@ def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[An
     panel.set_title("from above, " + " and ".join(counts), fontsize=9.5, loc="left")
 
 
+def revolution_figure(title: str, codes: NDArray[np.uint8], beam: Beam, points_L: NDArray[np.floating[Any]]) -> Figure:
+    """Draw a revolution of a spinning radar: power by azimuth and range, and from above with its points."""
+    figure = Figure(figsize=(13.5, 6.2), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    polar, above = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.25, 1.0)})
+    low_dbm, high_dbm = beam.noise_dbm, beam.noise_dbm + _MAX_SPAN_DB
+    norm = Normalize(low_dbm, high_dbm)
+    step_deg = 360.0 / len(codes)
+    extent = (-0.5 * beam.bin_m, beam.max_range_m + 0.5 * beam.bin_m, 360.0 - 0.5 * step_deg, -0.5 * step_deg)
+    polar.imshow(
+        beam.floor_dbm + beam.step_db * codes, aspect="auto", interpolation="nearest", extent=extent, cmap=POWER_MAP,
+        norm=norm,
+    )  # fmt: skip
+    polar.set(xlabel="range [m]", ylabel="azimuth [deg], clockwise from ahead", yticks=range(0, 361, 45))
+    polar.set_title("power by azimuth and range", fontsize=9.5, loc="left")
+    half_m = 0.5 * beam.max_range_m
+    picture = cartesian(codes, beam.bin_m, half_width_m=half_m, pixels=_PIXELS)
+    above.imshow(
+        beam.floor_dbm + beam.step_db * picture, extent=(-half_m, half_m, -half_m, half_m), cmap=POWER_MAP, norm=norm,
+        interpolation="nearest",
+    )  # fmt: skip
+    above.plot(-points_L[:, 1], points_L[:, 0], ".", ms=1.2, color=_TRACK, label=f"{len(points_L)} points")
+    above.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    above.set(xlim=(-half_m, half_m), ylim=(-half_m, half_m), xlabel="to the right [m]", ylabel="ahead [m]")
+    above.set_title("from above", fontsize=9.5, loc="left")
+    above.legend(loc="upper right", fontsize=8)
+    for axes in (polar, above):
+        axes.grid(visible=False)
+        axes.tick_params(labelsize=7.5)
+    bar = figure.colorbar(ScalarMappable(norm, POWER_MAP), ax=above, extend="both", pad=0.01)
+    bar.set_label("[dBm]", fontsize=8)
+    return figure
+
+
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
@@ -167,12 +203,16 @@ def waterfall_figure(
     range_axes.set_title("range over time: greatest power of all speeds", fontsize=9.5, loc="left")
     _draw_rows(figure, speed_axes, speed_time, time_extent, speed_extent(chirp, max(speed_time.shape[-1], 1)))
     speed_axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
-    speed_axes.set_title("speed over time: power of all ranges", fontsize=9.5, loc="left")
-    for axes, field in ((range_axes, "range_m"), (speed_axes, "speed_mps")):
-        times_s = [t for t, frame_tracks in zip(t_s, tracks, strict=True) for _ in frame_tracks]
-        values = [value for frame_tracks in tracks for value in frame_tracks[field].tolist()]
-        axes.plot(times_s, values, ".", ms=3.5, color=_TRACK, label="tracks")
-        if values:
+    speed_axes.set_title(f"speed over time: power of all ranges; {span_text(chirp)}", fontsize=9.5, loc="left")
+    times_s = np.array([t for t, frame_tracks in zip(t_s, tracks, strict=True) for _ in frame_tracks])
+    range_m, speed_mps = (
+        np.array([value for frame_tracks in tracks for value in frame_tracks[field].tolist()])
+        for field in ("range_m", "speed_mps")
+    )
+    range_axes.plot(times_s, range_m, ".", ms=3.5, color=_TRACK, label="tracks")
+    _draw_speeds(speed_axes, times_s, speed_mps, chirp, "tracks", {"marker": ".", "ms": 3.5, "lw": 0.0})
+    if len(times_s):
+        for axes in (range_axes, speed_axes):
             axes.legend(loc="upper right", fontsize=8, labelcolor="white")
     return figure
 
@@ -193,11 +233,47 @@ def micro_doppler_figure(
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes = figure.subplots()
     _draw_rows(figure, axes, speed_time, _time_extent(t_s), speed_extent(chirp, speed_time.shape[-1]))
-    axes.plot(track_t_s, track_speed_mps, "-", lw=0.8, color=_TRACK, label="the track's speed")
+    _draw_speeds(axes, track_t_s, track_speed_mps, chirp, "the track's speed", {"lw": 0.8})
     axes.legend(loc="upper right", fontsize=8, labelcolor="white")
     axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
-    axes.set_title("micro-Doppler: speed over time, power of the ranges about the track", fontsize=9.5, loc="left")
+    title = f"micro-Doppler: speed over time, power of the ranges about the track; {span_text(chirp)}"
+    axes.set_title(title, fontsize=9.5, loc="left")
     return figure
+
+
+def folded(speed_mps: NDArray[np.floating[Any]], chirp: Chirp) -> NDArray[np.float64]:
+    """Return speeds as the map shows them: modulo 2 v_max, in -v_max to v_max."""
+    speed, whole = np.asarray(speed_mps, np.float64), 2.0 * chirp.max_speed_mps
+    return np.asarray(speed - whole * np.floor(speed / whole + 0.5))
+
+
+def is_folded(speed_mps: NDArray[np.floating[Any]], chirp: Chirp) -> NDArray[np.bool_]:
+    """Return True for speeds outside the unambiguous span, which the map shows elsewhere."""
+    return np.asarray(np.abs(np.asarray(speed_mps, np.float64)) > chirp.max_speed_mps)
+
+
+def span_text(chirp: Chirp) -> str:
+    """Return the unambiguous span of speeds in words."""
+    return f"unambiguous within ±{chirp.max_speed_mps:.2f} m/s"
+
+
+def _draw_speeds(
+    axes: Axes,
+    t_s: NDArray[np.float64],
+    speed_mps: NDArray[np.float64],
+    chirp: Chirp,
+    label: str,
+    style: Mapping[str, Any],
+) -> None:
+    """Draw speeds of tracks where the map shows them; those outside the unambiguous span in a colour of their own."""
+    shown, beyond = folded(speed_mps, chirp), is_folded(speed_mps, chirp)
+    of_map = axes.get_ylim() if axes.get_images() else None
+    axes.plot(t_s, np.where(beyond, np.nan, shown), color=_TRACK, label=label, **style)
+    if beyond.any():
+        name = f"faster than ±{chirp.max_speed_mps:.2f} m/s, or lost: folded"
+        axes.plot(t_s[beyond], shown[beyond], "o", ms=4.0, mfc="none", mew=0.8, color=_FOLDED, label=name)
+    if of_map is not None:
+        axes.set_ylim(of_map)
 
 
 def _time_extent(t_s: NDArray[np.float64]) -> tuple[float, float]:

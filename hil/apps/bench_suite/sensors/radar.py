@@ -6,7 +6,7 @@ of the echoes. Times are the best of several runs.
 
 Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and all presets;
 radar_arrays.py has those with several transmitters, radar_bounces.py ghosts, radar_effects.py interference, rain and
-errors of the sweep. Further cases: pictures of city_park, where negligible echoes are
+errors of the sweep, radar_spinning.py a turning beam. Further cases: pictures of city_park, where negligible echoes are
 dropped; point targets through the processing chain; a person who walks away and back; another vehicle; and a real
 recording, if one is given.
 """
@@ -32,6 +32,7 @@ from hil.apps.bench_suite.sensors.radar_checks import (
 )
 from hil.apps.bench_suite.sensors.radar_effects import effect_rows
 from hil.apps.bench_suite.sensors.radar_reference import reference
+from hil.apps.bench_suite.sensors.radar_spinning import spinning_rows
 from hil.apps.bench_suite.sensors.raster_cases import scene_case
 from hil.apps.bench_suite.timing import best_times, one_core
 from sim.radar.echoes import Echoes
@@ -56,6 +57,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
         city_park_arrays(result, quick=quick, status=status)
         bounce_rows(result, quick=quick, status=status)
         effect_rows(result, quick=quick, status=status)
+        spinning_rows(result, quick=quick, status=status)
     status("point targets")
     result.checks += characteristic_checks()
     result.checks += target_checks(quick=quick)

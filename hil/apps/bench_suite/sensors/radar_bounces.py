@@ -46,6 +46,7 @@ def bounce_rows(result: BenchmarkResult, *, quick: bool, status: ShowStatus) -> 
             result.checks += [
                 Check(f"{name}: power of ghosts by path, {spacing_deg:g} deg", errors_db[spacing_deg], "<=", 0.5, "dB"),
                 Check(f"{name}: frame, mean", mean_ms, "<=", 8.0, "ms", "speed"),
+                Check(f"{name}: frame, slowest view", 1e3 * max(times_s), "<=", 8.0, "ms", "speed"),
             ]
 
 

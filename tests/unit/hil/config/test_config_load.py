@@ -89,6 +89,9 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("sensors:\n  lidar: {preset: vlp16, rate_hz: 0.4}\n",
          "b.yaml:2: sensors.lidar.rate_hz must be at least 0.5 Hz, not 0.4 Hz "
          "(a sweep takes its whole period, and its points state times within 2.1 s)"),
+        ("sensors:\n  spin: {preset: navtech_cts350x, rate_hz: 0.4}\n",
+         "b.yaml:2: sensors.spin.rate_hz must be at least 0.5 Hz, not 0.4 Hz "
+         "(a sweep takes its whole period, and its points state times within 2.1 s)"),
         (f"seed: {2**63}\n", f"b.yaml:1: seed must be at most {2**63 - 1}, not {2**63}"),
         (
             "tick_hz: 300\n",

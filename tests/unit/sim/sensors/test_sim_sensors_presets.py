@@ -29,6 +29,7 @@ WITH_NOISE: dict[str, dict[str, Any]] = {
     "camera": {"noise": {"electrons_at_white": 300.0}, "vignetting": 0.5, "rolling_shutter_s": 0.02},
     "lidar": {"beam_divergence_rad": 0.003},
     "radar": {"mount_m": (0.0, 0.0, 1.0)},
+    "spinning_radar": {"mount_m": (0.0, 0.0, 1.0), "bins": 700, "threshold_db": 6.0},
 }
 # Fields that are settings of the device or of the flight and so may stay the same.
 CONSTANT = {

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.apps.radar.results import TrackSpectraCollector, rows_over_frames
+from hil.apps.radar.results import Results, TrackSpectraCollector, rows_over_frames
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.processor import Processed
 from sim.radar.processing.tracker import TRACK_DTYPE
@@ -46,6 +49,40 @@ def test_the_ranges_about_the_track_that_came_the_farthest() -> None:
     shown = figure.axes[0].get_images()[0]
     assert shown.get_extent()[:2] == pytest.approx([0.125, 0.275])
     assert np.asarray(shown.get_array()).shape == (64, 3)
+
+
+def test_speeds_beyond_the_unambiguous_span_are_drawn_where_the_map_shows_them(tmp_path: Path) -> None:
+    from hil.run.report.radar_pictures import micro_doppler_figure, waterfall_figure  # matplotlib
+
+    v_max = CHIRP.max_speed_mps
+    results = Results(CHIRP, 3)
+    for k, speed_mps in enumerate((0.5 * v_max, 1.25 * v_max, -2.5 * v_max)):
+        shown = frame((1, 5.0))
+        shown.tracks["speed_mps"] = speed_mps
+        results.add(50_000_000 * k, shown)
+    rows = np.array(results.power_by_speed)
+    figures = {
+        1: waterfall_figure("walk", results.t_s, np.array(results.power_by_range), rows, results.tracks, CHIRP),
+        0: micro_doppler_figure(
+            "walk", results.t_s, rows, results.t_s,
+            np.array([float(tracks["speed_mps"][0]) for tracks in results.tracks]), CHIRP,
+        ),
+    }  # fmt: skip
+    step = 2.0 * v_max / 64
+    for panel, figure in figures.items():
+        axes = figure.axes[panel]
+        within, beyond = axes.get_lines()
+        assert np.asarray(within.get_ydata())[0] == pytest.approx(0.5 * v_max)
+        assert np.isnan(np.asarray(within.get_ydata())[1:]).all()
+        assert np.asarray(beyond.get_ydata()) == pytest.approx([-0.75 * v_max, -0.5 * v_max], rel=1e-5)
+        assert axes.get_ylim() == pytest.approx((-v_max - 0.5 * step, v_max - 0.5 * step))
+        assert f"unambiguous within ±{v_max:.2f} m/s" in axes.get_title(loc="left")
+        legend = axes.get_legend()
+        assert legend is not None
+        assert "folded" in legend.get_texts()[1].get_text()
+    results.write(tmp_path, title="walk")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["track_rows_beyond_max_speed"], summary["max_speed_mps"]) == (2, v_max)
 
 
 def test_without_tracks_there_is_none() -> None:

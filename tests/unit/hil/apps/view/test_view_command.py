@@ -47,7 +47,8 @@ def test_the_contact_sheet_and_every_channel_alone(tmp_path: Path) -> None:
     files, _ = view(tmp_path, points=points)
     assert files[0] == tmp_path / SHEET_NAME
     ends = ("", "_radar", *(f"_{name}" for name in CHANNEL_UNITS))
-    assert {file.name for file in files[1:]} == {f"{place}{end}.png" for place in ("front", "side") for end in ends}
+    names = {f"{place}{end}.png" for place in ("front", "side") for end in ends}
+    assert {file.name for file in files[1:]} == names | {"front_spinning_radar.png"}
     sheet = cv2.imread(str(files[0]))
     assert sheet.shape[1] > 1200
     colour = cv2.cvtColor(cv2.imread(str(tmp_path / "front_rgb.png")), cv2.COLOR_BGR2RGB)
