@@ -19,6 +19,7 @@ from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
+from hil.config.checks.sky_checks import almanac_problems
 from hil.config.files import available, find, is_bare
 from hil.config.formation import shifted_mission
 from hil.config.layers import DEFAULTS, Settings, SettingsPart, merge_options, parse_setting
@@ -316,6 +317,7 @@ class BenchLoading:
         scene = self._scene(vehicle, config)
         if config is not None and scene is not None:
             self.problems += site_problems(config, scene)
+            self.problems += almanac_problems(config, scene, self.settings)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
         if config is not None and scene is not None and not self.problems:

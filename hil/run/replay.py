@@ -23,6 +23,7 @@ from hil.config import Bench
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.replayed_verdict import carry_verdict
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
@@ -56,18 +57,21 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """Result of a replay. `digests`: of the recorded and the fresh run, None for a recording that was cut off."""
+    """Result of a replay. `digests`: of the recorded and the fresh run, None for a recording that was cut off.
+
+    `recorded_verdict`: that of a recorded run that did not pass, in words.
+    """
 
     identical: bool
     difference: Difference | None
     ticks: int
     digests: tuple[str | None, str | None]
+    recorded_verdict: str = ""
 
     def __str__(self) -> str:
-        if self.difference:
-            return str(self.difference)
         end = "" if self.digests[0] else ", up to where the recording was cut off"
-        return f"identical over {self.ticks} ticks{end}, digest {self.digests[1] or 'not in the recording'}"
+        text = f"identical over {self.ticks} ticks{end}, digest {self.digests[1] or 'not in the recording'}"
+        return "\n".join(part for part in (str(self.difference or text), self.recorded_verdict) if part)
 
 
 def compare(recorded: Path, fresh: Path) -> Difference | None:
@@ -160,7 +164,8 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     difference = compare(recorded, fresh)
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
     ticks = min(a.last_ns, b.last_ns) // _tick_ns(a, b) + 1
-    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)))
+    verdict = carry_verdict(run_dir, out, identical=difference is None)
+    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)), verdict)
 
 
 def _refuse_not_repeatable(run_dir: Path) -> None:

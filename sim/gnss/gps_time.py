@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 WEEK_S = 604_800
 _EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
@@ -19,6 +19,11 @@ DEFAULT_UTC = datetime(2026, 1, 1, 12, tzinfo=UTC)
 def gps_seconds(utc: datetime) -> float:
     """Return GPS time [s] of a time with a time zone."""
     return (utc - _EPOCH).total_seconds() + _LEAP_S
+
+
+def utc_of(t_s: float) -> datetime:
+    """Return the time of GPS time `t_s` [s], to the second."""
+    return _EPOCH + timedelta(seconds=round(t_s) - _LEAP_S)
 
 
 def week_start_s(t_s: float) -> float:

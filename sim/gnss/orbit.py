@@ -36,13 +36,17 @@ class Orbit(StrictModel):
         """Name as in RINEX: a letter and two digits."""
         return f"{SYSTEMS[self.system].letter}{self.number:02d}"
 
+    def epoch_s(self, t_s: float) -> float:
+        """Return the GPS time [s] of the elements, for a run that begins at GPS time `t_s`."""
+        return full_week(self.week, t_s) * float(WEEK_S) + self.toa_s
+
 
 def orbit_table(orbits: Sequence[Orbit], t_s: float) -> NDArray[np.float64]:
     """Return the rows of `satellite_positions` for a run that begins at GPS time `t_s`."""
     rows = np.empty((len(orbits), 10))
     for row, o in zip(rows, orbits, strict=True):
         row[:] = (
-            full_week(o.week, t_s) * float(WEEK_S) + o.toa_s,
+            o.epoch_s(t_s),
             o.toa_s,
             SYSTEMS[o.system].mu_m3ps2,
             o.sqrt_semi_major_rtm * o.sqrt_semi_major_rtm,

@@ -8,9 +8,10 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from signals.documents.validate import StrictModel
+from sim.gnss.gps_time import DEFAULT_UTC, gps_seconds
 from sim.gnss.orbit import Orbit
 from sim.gnss.systems import SystemName
-from sim.scene.light import time_of
+from sim.scene.light import Light, time_of
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e5)]
 Level = Annotated[float, Field(ge=0.0, le=60.0)]  # dB-Hz
@@ -77,3 +78,9 @@ class SkyParameters(StrictModel):
         if utc is not None:
             time_of(utc)
         return utc
+
+
+def start_gps_s(sky: SkyParameters, light: Light) -> float:
+    """Return the GPS time [s] at which a run begins: that of the sky, else that of the scene's light."""
+    utc = sky.utc or light.utc
+    return gps_seconds(DEFAULT_UTC if utc is None else time_of(utc))

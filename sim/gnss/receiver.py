@@ -30,17 +30,15 @@ from signals.units import RAD_PER_DEG
 from sim._kernels import satellite_directions
 from sim.frame.geometry import FrameGeometry
 from sim.gnss.constellations import nominal_orbits
-from sim.gnss.gps_time import DEFAULT_UTC, gps_seconds
 from sim.gnss.interference import BANDS, SIGNAL_DBW, Emitter, Spoofer
 from sim.gnss.orbit import Orbit, orbit_table
-from sim.gnss.parameters import ReceiverParameters, SkyParameters
+from sim.gnss.parameters import ReceiverParameters, SkyParameters, start_gps_s
 from sim.gnss.position import Position, open_variance, ranges_of, solve
 from sim.gnss.signals import NO_SIGNAL, Listener, Signal
 from sim.gnss.solution import FIX_2D, FIX_3D, FIXED, FLOAT, NO_FIX, SolutionState
 from sim.gnss.surroundings import Surroundings
 from sim.gnss.systems import SYSTEMS
 from sim.gnss.tracking import Tracking
-from sim.scene.light import time_of
 from sim.scene.scene import Scene
 
 _UP_B: Vec3 = (0.0, 0.0, 1.0)
@@ -98,8 +96,7 @@ class SkyReceiver:
     ) -> None:
         """`best_fix`: the preset's kind of fix."""
         self._p, self._sky = receiver, sky
-        utc = sky.utc or scene.light.utc
-        self._start_s = gps_seconds(DEFAULT_UTC if utc is None else time_of(utc))
+        self._start_s = start_gps_s(sky, scene.light)
         self.orbits = _orbits(receiver, sky, self._start_s)
         self._table = orbit_table(self.orbits, self._start_s)
         self._systems = [SYSTEMS[orbit.system] for orbit in self.orbits]

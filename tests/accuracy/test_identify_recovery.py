@@ -95,9 +95,9 @@ def check(seeds: Sequence[int], duration_s: float) -> None:
     assert np.mean(np.abs(normal) <= 3.0) >= 0.95, [round(x, 1) for x in normal if abs(x) > 3.0]
 
 
-def test_hidden_parameters_of_two_vehicles_are_found() -> None:
-    """One of few delays, and the one whose lags were 3 % off while the steps began at a delay not yet found."""
-    check((2, 18), DURATION_S)
+def test_hidden_parameters_of_a_vehicle_are_found() -> None:
+    """That of which the lags were 3 % off while the steps began at a delay not yet found, in half the time."""
+    check((18,), 0.5 * DURATION_S)
 
 
 @pytest.mark.slow

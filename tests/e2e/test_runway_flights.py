@@ -82,7 +82,9 @@ def test_a_launch_is_detected_and_the_engine_stands_until_then(tmp_path: Path, k
     plane = plane.replace("{kind: catapult, length_m: 4, speed_mps: 16}", LAUNCHES[kind])
     file = tmp_path / "bench.yaml"
     params = "autopilot: {transport: loopback, params: {FW_LAUN_DETCN_ON: 1, FW_LAUN_MOT_DEL: 0.2}}\n"
-    file.write_text(plane.replace("record: {mcap: true, tlog: true, report: true}", params + "record: {mcap: true}"))
+    file.write_text(
+        plane.replace("record: {mcap: true, tlog: true, report: true}", params + "record: {tlog: false, report: false}")
+    )
     run_bench(load_bench(file), tmp_path / "out", quiet=True)
     speeds: dict[float, float] = {}
     detected_s = released_s = 0.0

@@ -5,6 +5,8 @@ No run leaves a process, shared memory or socket behind.
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import signal
 import socket
@@ -20,11 +22,13 @@ from typing import Any
 
 import msgpack
 import pytest
+from rich.console import Console
 
 import hil.run.companion.started as started
 from firmware_bridge.companion.server import CompanionServer
 from hil.run.bench_run import RunResult
 from hil.run.recorder.reading import Recording, read_messages
+from hil.run.replay import fly_and_compare
 from tests.worlds.companion_server import RawClient
 from tests.worlds.hop_flights import ROOT, fly, mapped_rings, marked_processes, saved, write_bench
 from tests.worlds.patience import PATIENCE_S, until
@@ -298,9 +302,14 @@ def observed(folder: Path, act: str, monkeypatch: pytest.MonkeyPatch, *settings:
 def test_a_flight_that_lost_the_client_that_the_bench_started_fails(
     act: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (reason,) = observed(tmp_path, act, monkeypatch, "companion.reply_timeout_s=1")
+    (reason,) = observed(tmp_path, act, monkeypatch, "companion.reply_timeout_s=1", "record.mcap=true")
     assert reason.startswith("the companion Watcher was lost 0.4")
     assert words in reason
+    (run_dir,) = (path.parent for path in tmp_path.glob("**/run.mcap"))
+    assert fly_and_compare(run_dir, None, Console(file=io.StringIO())).identical
+    runs = [json.loads((folder / "run.json").read_text()) for folder in (run_dir, run_dir / "replay")]
+    assert runs[0]["verdict"]["reasons"] == runs[1]["verdict"]["reasons"]  # no client is lost in a replay
+    assert runs[1]["status"] == "FAIL"
 
 
 def test_a_client_that_has_finished_or_need_not_come_back_is_not_missed(

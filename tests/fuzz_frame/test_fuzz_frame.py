@@ -1,4 +1,7 @@
-"""The frame kernels under AddressSanitizer and UndefinedBehaviorSanitizer: a minute of random, degenerate scenes."""
+"""The frame kernels under AddressSanitizer and UndefinedBehaviorSanitizer: a minute of random, degenerate scenes.
+
+Building that takes minutes: `make test` compiles its own source alone, and CI builds and runs all of it (.ci/run).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,8 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-BUILD = HERE.parents[1] / "build" / "fuzz_frame"  # kept: compiling takes minutes, once
+ROOT = HERE.parents[1]
+BUILD = ROOT / "build" / "fuzz_frame"  # kept: compiling takes minutes, once
 SECONDS = 60
 
 
@@ -27,6 +31,20 @@ def fuzz_frame() -> Path:
             pytest.skip("this compiler has no AddressSanitizer")
         assert made.returncode == 0, made.stdout[-4000:] + made.stderr[-4000:]
     return BUILD / "fuzz_frame"
+
+
+def test_the_source_fits_the_kernels() -> None:
+    """A kernel whose interface changes would break the fuzz target unseen."""
+    compiler = shutil.which(os.environ.get("CXX", "c++"))
+    if compiler is None:
+        pytest.skip("no C++ compiler on the PATH")
+    flags = [
+        "-std=c++20",
+        "-fsyntax-only",
+        *(f"-I{ROOT / f}" for f in ("sim/native/frame", "sim/native", "signals/native")),
+    ]
+    made = subprocess.run([compiler, *flags, str(HERE / "fuzz_frame.cpp")], capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr[-4000:]
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import importlib
 import re
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -49,9 +50,14 @@ def is_key(model: Any, path: list[str]) -> bool:
     return any(is_key(part, path[1:]) for part in parts) or any(is_key(part, path) for part in get_args(model))
 
 
+@cache
+def commands() -> Any:
+    return typer.main.get_command(app)
+
+
 def unknown_in_command(line: str) -> list[str]:
     """Return the options of a command line of `hil` that do not exist. AttributeError for an unknown command."""
-    command, words = typer.main.get_command(app), line.partition("#")[0].split()
+    command, words = commands(), line.partition("#")[0].split()
     while words and hasattr(command, "commands"):
         default = "run" if command.name == "campaign" else ""  # `hil campaign FILE`
         command = command.commands.get(words.pop(0)) or command.commands.get(default)

@@ -16,7 +16,18 @@ PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 FLOORS: dict[str, Sequence[str]] = {
     "hil": ("cli", "apps", "cluster gym", "run", "config", "own_packages flown_run data_set_files"),
     "hil.run": (
-        *("replay", "bench_run", "stepped", "runs", "parts", "offboard", "autopilot", "part", "feed", "follow"),
+        *(
+            "replay",
+            "bench_run replayed_verdict",
+            "stepped",
+            "runs",
+            "parts",
+            "offboard",
+            "autopilot",
+            "part",
+            "feed",
+            "follow",
+        ),
         *("report", "live companion film"),
         *("sensors flight_logs", "loop", "recorder verdict"),
     ),

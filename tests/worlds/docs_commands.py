@@ -6,6 +6,7 @@ import re
 import shutil
 import struct
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -100,9 +101,13 @@ def make_folder(folder: Path) -> None:
     shutil.copy(presets / "bgt60tr13c.yaml", folder / "parts/my_radar.yaml")
 
 
-def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
-    """Return the name and the values of a command line of `hil`, as the real parser sees them, or raise its error."""
-    seen: list[tuple[str, dict[str, Any]]] = []
+Seen = list[tuple[str, dict[str, Any]]]
+
+
+@cache  # to make the commands takes as long as to parse thirty lines
+def _recording_commands() -> tuple[Any, Seen]:
+    """Return the commands of `hil`, which only note their name and values, and the list of what they noted."""
+    seen: Seen = []
 
     def replace(command: Any, name: str) -> None:
         for below, sub in getattr(command, "commands", {}).items():
@@ -112,12 +117,19 @@ def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
 
     command = typer.main.get_command(app)
     replace(command, "")
+    return command, seen
+
+
+def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
+    """Return the name and the values of a command line of `hil`, as the real parser sees them, or raise its error."""
+    command, seen = _recording_commands()
+    seen.clear()
     with command.make_context("hil", list(words[1:])) as context:
         command.invoke(context)
     return seen[0]
 
 
-def _recorder(seen: list[tuple[str, dict[str, Any]]], name: str) -> Callable[..., None]:
+def _recorder(seen: Seen, name: str) -> Callable[..., None]:
     return lambda **values: seen.append((name, values))
 
 

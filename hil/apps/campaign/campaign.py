@@ -62,6 +62,7 @@ class Campaign:
     stopped: str = ""  # why the campaign ended before its plan did
     unfinished: bool = True  # while the plan is not flown, or cut by a rule
     flown: int = 0  # by this call, second flights and recordings included
+    not_compared: int = 0  # second flights that could not be made
     began_s: float = field(default_factory=time.monotonic)
     _order: deque[tuple[int, str]] = field(default_factory=deque)  # number and case of points not yet counted
     _pending: set[str] = field(default_factory=set)  # cases of these that have to be flown
@@ -169,7 +170,8 @@ class Campaign:
 
     def _compare(self, job: Job, outcome: Outcome) -> None:
         if outcome.error_type in _WITHOUT_FLIGHT:
-            return  # it says nothing; --resume makes the flight again
+            self.not_compared += 1  # it says nothing; --resume makes the flight again
+            return
         first = self.store.outcome(job.case)
         assert first is not None
         difference = ""

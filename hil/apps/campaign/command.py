@@ -16,6 +16,7 @@ from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.results.answers import LiveSummary, check_name, facts_of, write_results
 from hil.apps.campaign.results.statistics import Tally
+from hil.apps.campaign.results.summary import Summary
 from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.cluster.join import uses_ray
@@ -81,8 +82,7 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
         raise ConfigError(problems)
     workers = options.workers or max(1, usable_processors() // file.spec.cores)
     if options.dry_run:
-        print_plan(file, plan, workers, console)
-        return 0
+        return 3 if print_plan(file, plan, workers, console) == "ERROR" else 0
     if len(plan) > MANY and not options.yes:
         text = f"has {len(plan):,} points; --dry-run estimates their time, --yes flies them"
         raise ConfigError([Problem(file.document.source, text)])
@@ -98,9 +98,9 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
             try:
                 campaign.run()
             finally:
-                tally = write_results(campaign)
-        _print_result(campaign, tally, console)
-    return tally.exit_status
+                summary = write_results(campaign)
+        _print_result(campaign, summary, console)
+    return summary.tally.exit_status
 
 
 def make_engine(options: CampaignOptions, file: CampaignFile, workers: int, console: Console) -> Engine:
@@ -158,8 +158,8 @@ def check_campaign(path: Path) -> str:
     return f"ok: campaign of {len(plan):,} points, axes {', '.join(plan.axes) or 'none'}"
 
 
-def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -> None:
-    """Print how many cases a campaign has, and how long they take as estimated from one flight."""
+def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -> str:
+    """Print how many cases a campaign has and how long they take, estimated from one flight; return its status."""
     import tempfile
 
     from hil.apps.campaign.flight import Job, fly
@@ -179,9 +179,11 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
     for line in (outcome.error, *outcome.reasons):
         if line:
             console.print(f"  {line}")
+    return outcome.status
 
 
-def _print_result(campaign: Campaign, tally: Tally, console: Console) -> None:
+def _print_result(campaign: Campaign, summary: Summary, console: Console) -> None:
+    tally = summary.tally
     low, rate, high = tally.interval()
     counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR, {tally.flakes} FLAKE"
     console.print(f"{campaign.file.name}: {tally.cases} cases: {counts}")
@@ -189,4 +191,9 @@ def _print_result(campaign: Campaign, tally: Tally, console: Console) -> None:
         console.print(f"pass rate {rate:.3f}, between {low:.3f} and {high:.3f} (95 %)")
     if campaign.stopped:
         console.print(f"stopped early: {campaign.stopped}")
+    if campaign.not_compared:
+        console.print(f"warning: {campaign.not_compared} second flights could not be made; --resume makes them")
+    if summary.unmet:
+        text = f"warning: {summary.unmet} cases did not meet a fault or gust that they declare, such as"
+        console.print(f"{text} {summary.unmet_example}", markup=False)
     console.print(f"{campaign.out / PAGE_NAME}")

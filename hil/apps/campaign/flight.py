@@ -75,6 +75,7 @@ class Outcome:
     wall_s: float = 0.0  # of the whole job
     cpu_s: float = 0.0  # of the worker's own process
     place: str = ""  # worker that made it
+    unmet: tuple[str, ...] = ()  # declared faults and gusts that the flight did not meet
 
     @classmethod
     def from_run(cls, run: Mapping[str, Any]) -> Outcome:
@@ -92,13 +93,15 @@ class Outcome:
             run["digest"],
             bool(run["deterministic"]),
             run["sim_s"],
+            unmet=tuple(run.get("unmet", ())),
         )
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Outcome:
         """Return the outcome that `data` wrote."""
         limits = tuple(Limit(**limit) for limit in data["limits"])
-        return cls(**{**data, "limits": limits, "reasons": tuple(data["reasons"])})
+        texts = {name: tuple(data.get(name, ())) for name in ("reasons", "unmet")}
+        return cls(**{**data, **texts, "limits": limits})
 
     def data(self) -> dict[str, Any]:
         """Return the fields as plain data."""

@@ -21,11 +21,16 @@ def check_bench(choice: BenchChoice) -> str:
     check_parts(bench)
     notes = [f"  note: {note}" for note in load_world(bench.scene).map.notes] if bench.scene.map is not None else []
     if not bench.vehicles:
-        notes += [f"  note: {note}" for note in intake_notes(bench.config)]
+        notes += [f"  note: {note}" for note in _notes(bench)]
         return "\n".join([f"ok: {_facts(bench)}", *notes])
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
-    notes += [f"  note: {name}: {note}" for name, each in bench.vehicles.items() for note in intake_notes(each.config)]
+    notes += [f"  note: {name}: {note}" for name, each in bench.vehicles.items() for note in _notes(each)]
     return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines, *notes])
+
+
+def _notes(bench: Bench) -> list[str]:
+    """Return what the autopilot takes otherwise than the bench and the mission state."""
+    return [*(bench.mission.notes if bench.mission is not None else ()), *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:

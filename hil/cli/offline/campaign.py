@@ -75,12 +75,13 @@ def compare(
     first: Annotated[Path, typer.Argument(help="Folder of a campaign.", metavar="A")],
     second: Annotated[Path, typer.Argument(help="Folder of another.", metavar="B")],
     json: Annotated[Path | None, typer.Option(help="File for the comparison as JSON.", metavar="FILE")] = None,
+    partial: Annotated[bool, typer.Option("--partial", help="Accept cases without a partner or a verdict.")] = False,
 ) -> None:
-    """Compare the cases of two campaigns, such as two firmwares; exit 1 if a case of B is worse than in A."""
+    """Compare two campaigns, such as two firmwares; exit 1 if a case became worse or has no answer."""
     from hil.apps.campaign.results.compare_table import run_compare
 
     with exit_on_error():
-        status = run_compare(first, second, json, console)
+        status = run_compare(first, second, json, console, partial=partial)
     raise typer.Exit(status)
 
 

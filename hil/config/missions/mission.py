@@ -55,6 +55,7 @@ class Mission:
     items: tuple[MissionItem, ...]
     planned_home: Geopoint | None = None
     sources: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
+    notes: tuple[str, ...] = ()  # what the file holds and no autopilot gets
 
     @property
     def waypoints(self) -> tuple[MissionItem, ...]:

@@ -9,6 +9,7 @@ DO_CHANGE_SPEED commands a speed.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -174,4 +175,16 @@ def read_plan(path: Path, *, site: Geopoint | None = None) -> Mission:
     """Read and check a .plan file. Raises ConfigError with every problem found."""
     reader = _PlanReader(read_json(path))
     items, home = reader.plan()
-    return checked_mission(path, shown_path(path), items, home, site=site, problems=reader.problems)
+    mission = checked_mission(path, shown_path(path), items, home, site=site, problems=reader.problems)
+    return replace(mission, notes=tuple(_left_out(reader.document)))
+
+
+def _left_out(document: Document) -> Iterator[str]:
+    """Describe the geofences and rally points of a plan, which are not uploaded."""
+    for section, lists, what in (("geoFence", ("polygons", "circles"), "geofence"), ("rallyPoints", ("points",), "")):
+        held = document.data.get(section)
+        entries = [held.get(name) for name in lists] if isinstance(held, dict) else []
+        count = sum(len(each) for each in entries if isinstance(each, list))
+        if count:
+            things = f"{what or 'rally point'}{'s' if count > 1 else ''}"
+            yield f"{document.where((section,))}: {count} {things} of the plan not uploaded: nothing keeps to them here"

@@ -73,6 +73,7 @@ class CompanionLink:
         self._faults = CompanionFaults(config.noise_seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
         self._awaited: frozenset[str] = frozenset()  # clients with which the flight begins
+        self._traced_missing: list[str] | None = None  # clients lost in the run whose trace this one repeats
 
     def _start_settings(self, client: str) -> dict[str, Any]:
         """Return the setting `start` of a shipped client that localises itself, if the bench moves the start."""
@@ -94,7 +95,7 @@ class CompanionLink:
             if unknown:
                 names = ", ".join(sorted(unknown))
                 raise RecordingError(f"{companion.trace}: belongs to another bench: this one has no topics {names}")
-            self._answers, self.topics = traced, traced.topics
+            self._answers, self.topics, self._traced_missing = traced, traced.topics, traced.missing
             return
         self.views.begin()
         server = CompanionServer(
@@ -155,11 +156,14 @@ class CompanionLink:
     def missing(self) -> list[str]:
         """Return when and why each client was lost that the flight needs: those started, and as many as awaited.
 
-        A client that came back and answers is not missing, nor is one that had finished.
+        A client that came back and answers is not missing, nor is one that had finished. In a replay: those of the
+        recorded run.
         """
         companion, stage = self.config.companion, self._stage
         if stage is None:
             return []
+        if self._traced_missing is not None:
+            return self._traced_missing
         lost = {name: loss for name, loss in stage.losses.items() if name in self._awaited}
         if len(stage.all_sessions) - len(stage.losses) >= companion.expected:
             started = {client_name(cut.name) for cut in companion.start}
@@ -183,6 +187,11 @@ class CompanionLink:
     def timed(self, pilot: OffboardPilot) -> OffboardPilot | TimedPilot:
         """Return the pilot as a command source that logs the time of each set-point, the end of t3."""
         return pilot if self._timing is None else TimedPilot(pilot, self._timing)
+
+    def conclude(self) -> None:
+        """Write into the trace what the verdict will say about lost clients: a replay has none to lose."""
+        if self._trace is not None:
+            self._trace.missing(self.missing())
 
     def close(self, status: str = "") -> None:
         """End the sessions with `status`, stop the started clients and close the files. Idempotent."""

@@ -3,8 +3,9 @@
 `companion.jsonl`: the first line has the clients in control and their topics. Then follows one line per answer in the
 order in which the bench applied them: client, frame, t2_ns, link_ns, desired, finished, `report` if it changed, and
 `detections`. Other lines are `lost` (a client in control is lost for good), `joined` (a client came later), `demoted`
-(a client reconnected without control) and `looked_on` (detections of an observer, a client without control, and the
-simulated time of their arrival).
+(a client reconnected without control), `looked_on` (detections of an observer, a client without control, and the
+simulated time of their arrival) and at the end `missing` (clients that the flight needed and lost: a replay has no
+clients to lose, and takes this part of the verdict from here).
 """
 
 from __future__ import annotations
@@ -74,6 +75,10 @@ class TraceWriter:
         """Write that a client is lost for good because it did not answer this frame."""
         self._line({"client": client, "frame": frame, "lost": True})
 
+    def missing(self, reasons: Sequence[str]) -> None:
+        """Write which clients the flight needed and lost, as in its verdict."""
+        self._line({"missing": list(reasons)})
+
     def close(self) -> None:
         self._file.close()
 
@@ -93,6 +98,7 @@ class TracedAnswers:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self.missing: list[str] | None = None  # None: the recorded run did not get as far as its verdict
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -123,6 +129,9 @@ class TracedAnswers:
                 raise RecordingError(f"{path}:{number}: invalid line in the trace ({_problem(error)})") from error
 
     def _read(self, values: dict[str, Any]) -> None:
+        if "missing" in values:
+            self.missing = [str(reason) for reason in values["missing"]]
+            return
         frame = _natural_number(values, "frame")
         if "joined" in values:
             self._joins.append((frame, _client(values["joined"])))

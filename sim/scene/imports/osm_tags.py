@@ -7,6 +7,7 @@ heights of objects that do not state them are usual values of European towns.
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 from sim.scene.imports.osm_file import Tags
 
@@ -193,8 +194,21 @@ def roof_shape(tags: Tags, area_m2: float, levels: float) -> tuple[str, bool]:
     return _NEAREST_ROOF.get(stated, "flat"), False
 
 
-def heights(tags: Tags, area_m2: float) -> tuple[float, float, float | None, bool]:
-    """Return base, total height and stated roof height [m] (None: not stated), and True if the height is stated."""
+class Heights(NamedTuple):
+    """Heights of a building over its ground [m]."""
+
+    base_m: float
+    top_m: float
+    roof_m: float | None  # None: not stated
+    stated: bool  # the top is not that of the type
+    contradictory: bool  # the base is stated to be at or above the top, which counts: the part below it is left thin
+
+
+def heights(tags: Tags, area_m2: float) -> Heights:
+    """Return the heights that the tags state or the type has.
+
+    Of a base above the top, OSM2World keeps the top as well (LevelAndHeightData), with a warning.
+    """
     total = length_m(tags.get("height") or tags.get("building:height"))
     levels = number(tags.get("building:levels"))
     roof = length_m(tags.get("roof:height"))
@@ -217,8 +231,14 @@ def heights(tags: Tags, area_m2: float) -> tuple[float, float, float | None, boo
         if base == 0.0 and building_kind(tags) == "bridge":  # over a street
             base = BRIDGE_M
     least = LEVEL_M if building_kind(tags) == "bridge" else 0.5
-    total = max(total, base + least, 1.0)
-    return base, total, roof, stated
+    contradictory = stated and base >= total and _states_base(tags)
+    if contradictory:
+        base = max(total - least, 0.0)
+    return Heights(base, max(total, base + least, 1.0), roof, stated, contradictory)
+
+
+def _states_base(tags: Tags) -> bool:
+    return length_m(tags.get("min_height")) is not None or bool(number(tags.get("building:min_level")))
 
 
 def width_m(tags: Tags, default: float) -> float:

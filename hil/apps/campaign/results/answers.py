@@ -14,7 +14,6 @@ from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.groups import groups_of
 from hil.apps.campaign.results.junit import JUNIT_NAME, junit_cases
 from hil.apps.campaign.results.page import Facts, write_page
-from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import Summary
 from signals.errors import ConfigError, Problem
 
@@ -39,8 +38,8 @@ class LiveSummary:
             tables.write_summary(self._path, state.tally, more)
 
 
-def write_results(campaign: Campaign) -> Tally:
-    """Write all tables and the page of a campaign, complete or not, and return its counts. Raises RecordingError."""
+def write_results(campaign: Campaign) -> Summary:
+    """Write all tables and the page of a campaign, complete or not. Return its statistics; raises RecordingError."""
     store, out, file = campaign.store, campaign.out, campaign.file
     summary = Summary.of(groups_of(file.spec), store.cases())
     tally, name, bench = summary.tally, file.name, file.bench_path
@@ -58,7 +57,7 @@ def write_results(campaign: Campaign) -> Tally:
     wall_s = time.monotonic() - campaign.began_s
     facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
     write_page(facts, summary)
-    return tally
+    return summary
 
 
 def check_name(folder: Path, name: str) -> None:

@@ -62,6 +62,8 @@ class Comparison:
     same_cases: int = 0  # pairs of the same identity: nothing that makes a flight differs
     tallies: tuple[Tally, Tally] = field(default_factory=lambda: (Tally(), Tally()))  # of the pairs
     alone: tuple[int, int] = (0, 0)  # cases without a partner
+    not_judged: int = 0  # pairs with an ERROR or a FLAKE that say neither better nor worse
+    partial: bool = False  # cases without an answer are accepted
     left_out: list[str] = field(default_factory=list)  # axes that have no value in common
     differences: dict[str, tuple[str, str]] = field(default_factory=dict)  # other settings, with their first values
     changes: list[Change] = field(default_factory=list)
@@ -92,9 +94,19 @@ class Comparison:
         return float(binomtest(worse, worse + better).pvalue) if worse + better else 1.0
 
     @property
+    def unanswered(self) -> str:
+        """Name the cases of which the comparison does not say whether they became worse; empty if there are none."""
+        first, second = self.alone
+        parts = [f"{first + second} without a partner"] if first + second else []
+        parts += [f"{self.not_judged} with ERROR or FLAKE in place of a verdict"] if self.not_judged else []
+        return ", ".join(parts)
+
+    @property
     def exit_status(self) -> int:
-        """0: no case became worse; 1: a case did."""
-        return 1 if self.worse else 0
+        """0: no case became worse; 1: a case did, or may have: it has no partner or no verdict, unless `partial`."""
+        if self.worse or not any(tally.judged for tally in self.tallies):
+            return 1
+        return 1 if self.unanswered and not self.partial else 0
 
     def margin_rows(self) -> Iterator[tuple[str, int, float, float, float, float]]:
         """Yield each limit with its pairs, the two mean margins, and the interval of the mean difference at 95 %."""
@@ -114,6 +126,7 @@ class Comparison:
             "pairs": self.pairs,
             "same_cases": self.same_cases,
             "without_partner": list(self.alone),
+            "not_judged": self.not_judged,
             "axes_left_out": self.left_out,
             "differences": {key: list(values) for key, values in self.differences.items()},
             "first": sides[0],
@@ -128,12 +141,15 @@ class Comparison:
         }
 
 
-def compare_campaigns(first: Path, second: Path) -> Comparison:
-    """Compare the campaigns of two folders. Raises ConfigError if they cannot be compared, or RecordingError."""
+def compare_campaigns(first: Path, second: Path, *, partial: bool = False) -> Comparison:
+    """Compare the campaigns of two folders. Raises ConfigError if they cannot be compared, or RecordingError.
+
+    `partial`: cases without a partner or a verdict do not make the exit status 1.
+    """
     known = [_axes_of(folder) for folder in (first, second)]
     in_both = [axis for axis in known[0] if axis in known[1]]
     common = [axis for axis in in_both if known[0][axis] & known[1][axis]]
-    result = Comparison(left_out=sorted({*known[0], *known[1]} - set(common)))
+    result = Comparison(left_out=sorted({*known[0], *known[1]} - set(common)), partial=partial)
     ours = _by_values(first, common, result.left_out)
     theirs = _by_values(second, common, result.left_out)
     for key in sorted(ours.keys() & theirs.keys()):
@@ -156,6 +172,9 @@ def _add_pair(result: Comparison, a: Flown, b: Flown) -> None:
         tally.add(side.status)
     if a.status != b.status:
         result.changes.append(Change(a, b))
+    judged = ("PASS", "FAIL")
+    # A first PASS makes the pair worse, a second one better: both are answers.
+    result.not_judged += (a.status not in judged or b.status not in judged) and "PASS" not in (a.status, b.status)
     for name in a.margins.keys() & b.margins.keys():
         result.margins.setdefault(name, []).append((a.margins[name], b.margins[name]))
     if a.texts != b.texts and len(result.differences) < _MOST_SETTINGS:

@@ -15,15 +15,21 @@ from hil.run.report.run_json import write_run_json
 _MOST_SHOWN = 20
 
 
-def run_compare(first: Path, second: Path, json_file: Path | None, console: Console) -> int:
-    """Print how two campaigns differ and return 0 if no case became worse, else 1. Raises HilError."""
-    comparison = compare_campaigns(first, second)
+def run_compare(first: Path, second: Path, json_file: Path | None, console: Console, *, partial: bool) -> int:
+    """Print how two campaigns differ and return the exit status. Raises HilError.
+
+    It is 0 if no case became worse, else 1; also 1 for cases without a partner or a verdict, unless `partial`.
+    """
+    comparison = compare_campaigns(first, second, partial=partial)
     if json_file is not None:
         write_run_json(json_file, comparison.data())
     _print_pairs(comparison, console)
     _print_changes("worse", comparison.worse, console)
     _print_changes("better", comparison.better, console)
     _print_margins(comparison, console)
+    if comparison.unanswered:
+        end = "accepted by --partial" if partial else "so the exit status is 1; --partial accepts them"
+        console.print(f"not compared: {comparison.unanswered}; {end}")
     return comparison.exit_status
 
 

@@ -52,6 +52,8 @@ def _testcase(xml: XMLGenerator, name: str, case: Case, bench: Path | None) -> N
     properties: dict[str, Any] = {"case": case.id, **values, "digest": outcome.digest if outcome.repeatable else ""}
     if worst is not None:
         properties |= {"margin": worst.margin, "worst_limit": worst.name}
+    if outcome.unmet:
+        properties["unmet"] = "; ".join(outcome.unmet)
     _start(xml, "properties", {})
     for key, value in properties.items():
         _element(xml, "property", {"name": key, "value": value})

@@ -77,6 +77,8 @@ class Summary:
         self.pairs: dict[tuple[str, str], PairRates] = {pair: {} for pair in combinations(paired, 2)}
         self.margins: dict[str, Margins] = {}
         self.points: list[Point] = []  # of the first cases; cases are hashes, so these are a random sample
+        self.unmet = 0  # cases with a declared fault or gust that their flight did not meet
+        self.unmet_example = ""
         self._judged = _Worst(MOST_LISTED, _badness)
         self._broken = _Worst(MOST_BROKEN, lambda case: (case.status, case.id))
 
@@ -94,6 +96,9 @@ class Summary:
         self.tally.add(status)
         self.sim_s += case.outcome.sim_s
         self.wall_s += case.outcome.wall_s
+        if case.outcome.unmet:
+            self.unmet += 1
+            self.unmet_example = self.unmet_example or f"{case.id}: {case.outcome.unmet[0]}"
         self.limits.update(limit.name for limit in case.outcome.limits)
         group = {axis: of.of(case.axes[axis]) for axis, of in self.groups.items() if axis in case.axes}
         for axis, name in group.items():
@@ -127,7 +132,8 @@ class Summary:
     def data(self) -> dict[str, Any]:
         """Return rates by axis and margins as plain data for campaign.json."""
         axes = {axis: {name: _counts(tally) for name, tally in rates.items()} for axis, rates in self.rates.items()}
-        return {"axes": axes, "margins": {name: self.margins[name].data() for name in sorted(self.margins)}}
+        margins = {name: self.margins[name].data() for name in sorted(self.margins)}
+        return {"axes": axes, "margins": margins, "unmet": self.unmet}
 
 
 def separation(tallies: Iterable[Tally]) -> float:

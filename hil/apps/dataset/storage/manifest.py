@@ -27,6 +27,7 @@ LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
 BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # a resumed data set may have more frames
 _MAX_KEYS_SHOWN = 5
+_REMEDY = "continue it with the files and options it was made with, or name another folder with --out"
 
 
 def provenance(plan: DatasetPlan, bench_files: Mapping[str, bytes]) -> dict[str, Any]:
@@ -88,9 +89,10 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
     for key, value in made_from.items():
         if key in ("config_sha256", *_MAY_DIFFER) or earlier.get(key) == value:
             continue
-        problems.append(Problem(str(path), f"was made with another {key}: {earlier.get(key)!r}, now {value!r}"))
+        text = f"was made with another {key}: {earlier.get(key)!r}, now {value!r}"
+        problems.append(Problem(str(path), text, _REMEDY))
     if earlier.get("config_sha256") != made_from["config_sha256"]:
-        problems += [Problem(str(root), text) for text in _differences(root, bench_files)]
+        problems += [Problem(str(root), text, _REMEDY) for text in _differences(root, bench_files)]
     if int(earlier.get("frames", 0)) > made_from["frames"]:
         hint = f"give --frames {earlier['frames']} or more"
         message = f"has {earlier['frames']} frames, more than the {made_from['frames']} wanted now"

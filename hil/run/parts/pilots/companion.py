@@ -75,6 +75,10 @@ class CompanionPart(Part):
     def ended(self) -> bool:
         return self._pilot is not None and self._pilot.phase.value == "done"
 
+    def conclude(self, run: RunContext) -> None:  # noqa: ARG002
+        if self.link is not None:
+            self.link.conclude()
+
     def close(self) -> None:
         if self.link is not None:
             self.link.close("ERROR" if sys.exc_info()[0] is not None else "over")

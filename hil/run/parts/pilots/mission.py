@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
 from hil.config import Bench
@@ -13,9 +15,16 @@ from hil.run.recorder.recorder import Recorder
 class MissionPart(Part):
     name = "mission"
 
-    def __init__(self, station: GroundStation | None, *, flies: bool) -> None:
-        """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats."""
-        self._station, self._flies = station, flies
+    def __init__(self, station: GroundStation | None, *, flies: bool, notes: Sequence[str] = ()) -> None:
+        """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats.
+
+        `notes`: what the mission's file holds and the autopilot does not get.
+        """
+        self._station, self._flies, self._notes = station, flies, notes
+
+    def begin(self, run: RunContext) -> None:
+        for note in self._notes:
+            run.say("warning", note)
 
     def build(self, run: RunContext) -> None:
         if self._station is not None:
@@ -64,7 +73,7 @@ def make(bench: Bench) -> Part:
             grid_ns=grid_ns(bench),
             needs_estimator=profile.needs_estimator,
         )
-        return MissionPart(_expecting(bench, station), flies=True)
+        return MissionPart(_expecting(bench, station), flies=True, notes=bench.mission.notes)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
         return MissionPart(_expecting(bench, GroundStation((), target_sysid=None, fly=False)), flies=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from firmware_bridge.ground_station.actions import ActionSource
+from firmware_bridge.ground_station.actions import ActionSource, Record
 from hil.config import Bench
 from hil.config.missions.script import MissionScript, flight_actions
 from hil.run.part import Part, RunContext
@@ -22,8 +22,10 @@ class ScriptPart(Part):
         self._script, self._bench = script, bench
         self._measured = DeclaredMeasurements(script.script.expect, cos_tilt=bench.vehicle.cos_tilt)
         self._actions: ActionSource | None = None
+        self._run: RunContext | None = None
 
     def build(self, run: RunContext) -> None:
+        self._run = run
         config = self._bench.config
         self._actions = ActionSource(
             flight_actions(self._script, self._bench.mission, run.inject, tick_ns=config.tick_ns),
@@ -40,10 +42,25 @@ class ScriptPart(Part):
         return [self._measured.add]
 
     def verdict(self) -> Verdict:
-        return judge_script(self._measured.results(), () if self._actions is None else self._actions.records)
+        return judge_script(self._measured.results(), self._records())
+
+    def _records(self) -> list[Record]:
+        """Return the result of each action: those of the flight first, then faults and gusts at a known time."""
+        if self._actions is None or self._run is None:
+            return []
+        end_ns = self._run.now_ns()
+        records = list(self._actions.records)
+        for index, spec in enumerate(self._script.script.actions):
+            if not spec.in_settings or spec.at_s is None:
+                continue
+            at_ns = round(spec.at_s * NS_PER_S)
+            begun = at_ns < end_ns
+            name, outcome = self._script.name_of(index), "done" if begun else "waiting"
+            records.append(Record(name, spec.required, at_ns if begun else None, outcome))
+        return records
 
     def run_keys(self) -> dict[str, Any]:
-        records = () if self._actions is None else self._actions.records
+        records = self._records()
         return {
             "actions": [
                 {

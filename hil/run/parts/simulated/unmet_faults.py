@@ -1,8 +1,12 @@
-"""Warns of declared faults and gusts that the flight did not meet, so that nobody takes its result for theirs."""
+"""Warns of declared faults and gusts that the flight did not meet, so that nobody takes its result for theirs.
+
+`unmet` of run.json has them, too, for what makes many runs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from firmware_bridge.faults.link_fault import LinkFault
 from hil.config import Bench
@@ -17,22 +21,31 @@ class UnmetFaultsPart(Part):
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
+        self._unmet: list[str] = []
 
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
+
+        def tell(text: str) -> None:
+            self._unmet.append(text)
+            run.say("warning", text)
+
         end_s = run.now_ns() / NS_PER_S
         for what, at_s in _instants(self._config):
             if at_s >= end_s:
-                run.say("warning", f"{what} at {at_s:g} s never began: the flight ended at {end_s:g} s")
+                tell(f"{what} at {at_s:g} s never began: the flight ended at {end_s:g} s")
         sensors = {slot.port for slot in run.sensors.slots}
         unread = [fault for fault in self._config.faults.sensors if fault.sensor not in sensors]
         for fault in (*unread, *run.sensors.unmet()):
             if fault.at_s < end_s:
                 what = "it was not sampled: nothing reads it" if fault in unread else "no sample fell into its time"
-                run.say("warning", f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {what}")
+                tell(f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {what}")
         for fault in run.part("faults").unmet:
             if fault.at_s < end_s:
-                run.say("warning", f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed")
+                tell(f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed")
+
+    def run_keys(self) -> dict[str, Any]:
+        return {"unmet": self._unmet} if self._unmet else {}
 
 
 def _instants(config: BenchConfig) -> Iterator[tuple[str, float]]:

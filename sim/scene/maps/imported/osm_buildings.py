@@ -396,10 +396,10 @@ def _slabs(outline: Float64, roof: Roof) -> list[Float64]:
     return found
 
 
-def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, bool, bool]:
-    """Return a building's measures, True if its height is stated, and True if its roof is as stated."""
+def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, list[str]]:
+    """Return a building's measures, and what is not as its tags state, worded for several buildings."""
     area = float(polygon.area)
-    base, top, stated_rise, has_height = osm_tags.heights(tags, area)
+    base, top, stated_rise, has_height, contradictory = osm_tags.heights(tags, area)
     shape, as_stated = osm_tags.roof_shape(tags, area, (top - base) / osm_tags.LEVEL_M)
     rectangle = _rectangle(polygon)
     edges = np.sqrt(((rectangle[1:3] - rectangle[:2]) ** 2).sum(axis=1))
@@ -427,4 +427,9 @@ def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, bool, b
         rise = min(max(rise, 0.2), 0.9 * (top - base))
     if shape == "mansard" and rise > 0.9 * short:
         rise = 0.9 * short
-    return Footprint(key, tags, polygon, base, top, shape, rise), has_height, as_stated
+    notes = {
+        "buildings state no height and have that of their type": not has_height,
+        "buildings state min_height above height: the height counts": contradictory,
+        "roofs have the nearest shape that is built": not as_stated,
+    }
+    return Footprint(key, tags, polygon, base, top, shape, rise), [text for text, is_so in notes.items() if is_so]

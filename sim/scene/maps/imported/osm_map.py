@@ -536,11 +536,8 @@ class _District:
             if not _simple(polygon):
                 self._notes["buildings are too small or too thin and are left out"] += 1
                 continue
-            footprint, has_height, as_stated = footprint_of(key, tags, rounded(polygon.simplify(0.05)))
-            if not has_height:
-                self._notes["buildings state no height and have that of their type"] += 1
-            if not as_stated:
-                self._notes["roofs have the nearest shape that is built"] += 1
+            footprint, notes = footprint_of(key, tags, rounded(polygon.simplify(0.05)))
+            self._notes.update(notes)
             made.append(footprint)
         return made
 

@@ -72,6 +72,20 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path) -> None:
     assert any(problem.where.endswith("current.alm:7") for problem in caught.value.problems)
 
 
+def test_an_almanac_of_another_year_is_refused_with_the_limit(tmp_path: Path) -> None:
+    """Week 320 of ten bits is week 2368, from 25 May 2025: 405504 s later, with 18 leap seconds, 29 May 16:38:06."""
+    said = refused(tmp_path, "{almanac: current.alm, utc: '2028-01-01T00:00:00Z'}")
+    assert said == (
+        "bench.yaml:4: sensors.gps.sky.almanac (current.alm) has orbits of 2025-05-29T16:38:06Z, 135 weeks from the "
+        "run's begin, 2028-01-01T00:00:00Z; they hold 52 (take one of that time, or set sky.utc to "
+        "2025-05-29T16:38:06Z)"
+    )
+    for utc in ("2026-05-27T00:00:00Z", "2024-06-01T00:00:00Z"):
+        load_bench(written(tmp_path, f"{{almanac: current.alm, utc: '{utc}'}}"))
+    for utc in ("2026-05-30T00:00:00Z", "2024-05-29T00:00:00Z"):
+        assert "52" in refused(tmp_path, f"{{almanac: current.alm, utc: '{utc}'}}")
+
+
 @pytest.mark.parametrize("kind", ["jammer", "spoofer"])
 def test_transmitters_need_a_sky(tmp_path: Path, kind: str) -> None:
     fault = f"{{kind: {kind}, sensor: gps, at_s: 1, place_m: [0, 0, 2], power_dbm: 10}}"

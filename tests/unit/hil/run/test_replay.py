@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -143,6 +145,48 @@ def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> No
     other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "o")
     assert not other.identical
     assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
+
+
+def run_json(folder: Path, status: str, *reasons: str, **more: object) -> None:
+    run = {"status": status, "error": None, "verdict": {"reasons": list(reasons), "rows": []}, **more}
+    (folder / "run.json").write_text(json.dumps(run))
+
+
+def test_the_verdict_of_the_recorded_run_is_carried_into_the_replay(flight: list[Tick], tmp_path: Path) -> None:
+    record(tmp_path, flight[:50])
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+
+    def passes(_config: Path, out: Path) -> None:
+        record(out, flight[:50])
+        run_json(out, "PASS")
+
+    def replayed(run: Callable[[Path, Path], None] = passes) -> tuple[str, dict[str, Any]]:
+        said = str(replay(tmp_path, run))
+        return said, json.loads((tmp_path / "replay" / "run.json").read_text())
+
+    run_json(tmp_path, "FAIL", "an observer was lost")
+    said, fresh = replayed()
+    assert said.endswith("\nthe run that was replayed: FAIL (an observer was lost)")
+    assert fresh["status"] == "FAIL"
+    assert fresh["verdict"]["reasons"] == ["in the run that this one replays, and not repeated: an observer was lost"]
+    assert fresh["replays"] == {"status": "FAIL", "error": None, "reasons": ["an observer was lost"]}
+    run_json(tmp_path, "ERROR", error={"type": "DiskFull", "message": "no space"})
+    said, fresh = replayed()
+    assert said.endswith("\nthe run that was replayed: ERROR (DiskFull: no space)")
+    assert (fresh["status"], fresh["replays"]["error"]["type"]) == ("PASS", "DiskFull")
+    run_json(tmp_path, "PASS")
+    said, fresh = replayed()
+    assert "the run that was replayed" not in said
+    assert (fresh["status"], fresh["replays"]["status"]) == ("PASS", "PASS")
+
+    def differs(_config: Path, out: Path) -> None:
+        record(out, with_tick(flight[:50], 9, sent=b""))
+        run_json(out, "PASS")
+
+    run_json(tmp_path, "FAIL", "it was too far left")
+    said, fresh = replayed(differs)
+    assert "first difference at tick 9 " in said
+    assert fresh["status"] == "PASS"  # another flight, with a verdict of its own
 
 
 def test_replay_names_the_reason_if_it_is_impossible(flight: list[Tick], tmp_path: Path) -> None:

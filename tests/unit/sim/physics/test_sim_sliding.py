@@ -45,7 +45,7 @@ def pitch_deg(states: np.ndarray) -> np.ndarray:
 )
 def test_a_belly_landing_neither_bounces_nor_pitches_up(speed_mps: float, sink_mps: float, pitch: float) -> None:
     """Contact takes energy: no rise faster than the plane sank, and no nose higher than at touch-down."""
-    states = touching_down(speed_mps, sink_mps=sink_mps, pitch_deg=pitch, seconds=5.0)
+    states = touching_down(speed_mps, sink_mps=sink_mps, pitch_deg=pitch, seconds=4.0)
     down = int(np.argmax(states[:, 2] < X8.standing_height_m + 0.01))
     after = states[down:]
     assert after[:, 9].max() < 0.6 * sink_mps

@@ -139,7 +139,7 @@ def frames() -> SharedFrames:
     return SharedFrames(load_world(load_scene("radar_range")))
 
 
-SLOW = {"bgt60tr13c_wideband", "hdl32e", "os1_64"}  # their kinds have other presets
+SLOW = {"awr2243cascade", "bgt60tr13c_wideband", "hdl32e", "os1_64"}  # their kinds have other presets
 
 
 @pytest.mark.parametrize(

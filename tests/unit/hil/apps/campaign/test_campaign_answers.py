@@ -248,7 +248,7 @@ def test_campaign_json_tells_of_a_campaign_that_goes_on(tmp_path: Path) -> None:
             live(Progress("flights", done, 8, Tally(passed=done)))
         going_on = json.loads((tmp_path / "campaign.json").read_text())
         campaign.unfinished = False
-        tally = write_results(campaign)
+        tally = write_results(campaign).tally
     assert [state.done for state in states] == [0, 1, 2]
     assert going_on["complete"] is False
     assert going_on["doing"] == {"phase": "flights", "done": 0, "total": 8}  # the later ones came within the period

@@ -53,7 +53,8 @@ def test_an_error_is_worse_than_a_pass_and_in_no_test(tmp_path: Path) -> None:
     assert len(found.better) == 3
     assert found.discordant == (0, 1)
     assert found.exit_status == 1
-    assert compare_campaigns(a, a).exit_status == 0
+    assert (found.not_judged, found.unanswered) == (1, "1 with ERROR or FLAKE in place of a verdict")
+    assert compare_campaigns(a, a).not_judged == 2
 
 
 def test_axes_without_a_common_value_are_left_out_and_named(tmp_path: Path) -> None:
@@ -64,10 +65,33 @@ def test_axes_without_a_common_value_are_left_out_and_named(tmp_path: Path) -> N
     assert found.differences == {"binary": ('"a.elf"', '"b.elf"'), "rig": ('"mock"', '"px4"')}
 
 
-def test_cases_of_one_folder_alone_are_counted(tmp_path: Path) -> None:
-    a = campaign(tmp_path / "a", seeds("PPPP"))
-    b = campaign(tmp_path / "b", seeds("PP"))
-    assert compare_campaigns(a, b).alone == (2, 0)
+@pytest.mark.parametrize(
+    ("ours", "theirs", "status", "partial", "said"),
+    [
+        ("PPFF", "PPFP", 0, 0, ""),
+        ("PPPP", "PP", 1, 0, "2 without a partner"),
+        ("PP", "PPPFF", 1, 0, "3 without a partner"),
+        ("PFE", "PEE", 1, 0, "2 with ERROR or FLAKE in place of a verdict"),
+        ("PE", "PP", 0, 0, ""),  # better, whatever it was
+        ("EEE", "KE", 1, 1, "1 without a partner, 2 with ERROR or FLAKE in place of a verdict"),  # nothing was judged
+        ("PPPP", "PF", 1, 1, "2 without a partner"),
+    ],
+)
+def test_cases_without_an_answer_are_no_success(
+    tmp_path: Path,
+    ours: str,
+    theirs: str,
+    status: int,
+    partial: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    a, b = campaign(tmp_path / "a", seeds(ours)), campaign(tmp_path / "b", seeds(theirs))
+    assert run_command_line(["campaign", "compare", str(a), str(b)]) == status
+    assert (f"not compared: {said}; so" in " ".join(capsys.readouterr().out.split())) is bool(said)
+    assert run_command_line(["campaign", "compare", str(a), str(b), "--partial"]) == partial
+    assert (f"not compared: {said}; accepted" in " ".join(capsys.readouterr().out.split())) is bool(said)
+    assert compare_campaigns(a, b).alone == (max(0, len(ours) - len(theirs)), max(0, len(theirs) - len(ours)))
 
 
 def test_margins_are_compared_in_pairs(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from hil.apps.campaign.campaign import is_chosen
+from hil.apps.campaign.campaign import Campaign, is_chosen
 from hil.apps.campaign.command import CampaignOptions, run_campaign
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.identity import case_id
@@ -74,6 +75,41 @@ def test_one_table_for_any_number_of_workers_and_nothing_flown_twice(spec: Path,
     assert fly(spec, one, resume=True) == 0
     assert json.loads((one / "campaign.json").read_text())["flown"] == 2, "seed 2, twice"
     assert [row["status"] for row in rows(one)] == ["PASS", "PASS"]
+
+
+def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
+    """The mission takes some 40 s: the gust at 300 s never comes, so the PASS says nothing about it."""
+    spec.write_text(
+        SPEC.replace(
+            "duration_s: [60, 8], seed: [1]", "wind.gusts: [[], [{at_s: 300, velocity_W_mps: [3, 0, 0], rise_s: 1}]]"
+        )
+        .replace("  limits:", "  wind: {steady_W_mps: [0, 0, 0]}\n  duration_s: 60\n  limits:")
+        .replace("recheck: 1.0", "recheck: 0.0")
+    )
+    said = io.StringIO()
+    assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
+    assert "warning: 1 cases did not meet a fault or gust that they declare, such as " in said.getvalue()
+    assert "gust at 300 s never began: the flight ended at" in said.getvalue()
+    assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1
+    assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 1
+
+
+def test_second_flights_that_could_not_be_made_are_told(
+    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec.write_text(SPEC.replace("duration_s: [60, 8], seed: [1]", "duration_s: [60], seed: [1]"))
+    compare = Campaign._compare
+    lost = Outcome("ERROR", error_type="WorkerLost", error="out of memory")
+    monkeypatch.setattr(Campaign, "_compare", lambda self, job, _: compare(self, job, lost))
+    said = io.StringIO()
+    run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300))
+    assert "warning: 1 second flights could not be made; --resume makes them" in said.getvalue()
+
+
+def test_a_trial_flight_that_is_an_error_fails_the_dry_run(spec: Path, tmp_path: Path) -> None:
+    assert fly(spec, tmp_path / "out", dry_run=True) == 0
+    spec.write_text(SPEC.replace("{transport: loopback}", "{transport: loopback, faults: {die_at_s: 2}}"))
+    assert fly(spec, tmp_path / "out", dry_run=True) == 3
 
 
 def test_a_digest_that_differs_is_a_flake(spec: Path, tmp_path: Path) -> None:

@@ -427,7 +427,8 @@ def test_a_folder_that_is_not_empty_is_refused(plan: DatasetPlan, tmp_path: Path
 
 
 def test_another_data_set_cannot_be_resumed(whole: Path, tmp_path: Path) -> None:
-    other = tiny_plan(tmp_path, frames=FRAMES - 1, settings=("seed=6", "sensors.gps.rate_hz=5"))
+    settings = ("seed=6", "sensors.gps.rate_hz=5", "dataset.formats=[boxes]")
+    other = tiny_plan(tmp_path, frames=FRAMES - 1, settings=settings)
     before = tree_of(whole)
     with pytest.raises(ConfigError) as caught:
         make_dataset(other, whole, inline(resume=True))
@@ -435,6 +436,9 @@ def test_another_data_set_cannot_be_resumed(whole: Path, tmp_path: Path) -> None
     assert "another seed: 5, now 6" in text
     assert "sensors.gps.rate_hz (10.0, now 5.0)" in text
     assert "has 23 frames, more than the 22 wanted now" in text
+    remedy = "(continue it with the files and options it was made with, or name another folder with --out)"
+    assert f"another dataset.formats ([], now ['boxes']) {remedy}" in text
+    assert all(problem.hint for problem in caught.value.problems)
     assert tree_of(whole) == before
 
 

@@ -7,6 +7,7 @@ import copy
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from hil.config.missions import Geopoint, Mission, load_mission
 from hil.config.missions.waypoints_file import parse_waypoints
+from hil.run.parts.pilots.mission import MissionPart
 from signals.errors import ConfigError
 
 MISSIONS = Path(__file__).resolve().parents[5] / "rigs" / "missions"
@@ -86,6 +88,22 @@ def test_surveys_are_flown_as_the_planner_computed_them_and_jumps_find_their_ite
     mission = load(plan(item(22, jump_id=1), survey, item(177, frame=2, params=[4, 2, 0, 0, 0, 0, 0], jump_id=9)))
     assert [i.command for i in mission.items] == [22, 16, 206, 16, 177]
     assert mission.items[4].param1 == 3.0
+
+
+def test_a_fence_and_rally_points_that_nobody_gets_are_told() -> None:
+    fence = {"polygons": [{"polygon": [[47.39, 8.54]]}], "circles": [{"circle": {}}], "version": 2}
+    text = plan(at()).rstrip().removesuffix("}") + f',\n"geoFence": {json.dumps(fence)},\n'
+    mission = load(text + '"rallyPoints": {"points": [[47.39, 8.54, 20]]}}')
+    assert mission.notes == (
+        "m.plan:4: 2 geofences of the plan not uploaded: nothing keeps to them here",
+        "m.plan:5: 1 rally point of the plan not uploaded: nothing keeps to them here",
+    )
+    said: list[tuple[str, str]] = []
+    run = SimpleNamespace(say=lambda kind, text: said.append((kind, text)))
+    MissionPart(None, flies=True, notes=mission.notes).begin(run)  # type: ignore[arg-type]
+    assert said == [("warning", note) for note in mission.notes]
+    assert load(text + '"rallyPoints": {"points": []}}').notes == mission.notes[:1]
+    assert load_mission(MISSIONS / "rectangle.plan", site=SITE).notes == ()
 
 
 def test_unknown_commands_are_left_to_the_autopilot() -> None:

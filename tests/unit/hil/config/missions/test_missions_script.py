@@ -274,6 +274,20 @@ def test_a_flight_by_modes_alone_is_disturbed_by_its_script() -> None:
     assert outcomes == ["done", "done", "done", "done", "done", "refused", "done"]
 
 
+def test_a_fault_at_a_time_that_never_comes_fails_unless_it_is_not_required() -> None:
+    late = "{at_s: 50, fault: {rotor: 1, kind: efficiency, factor: 0.9}"
+    gust = "  - {at_s: 6, gust: {speed_mps: 3, direction_deg: 10, for_s: 1}}\n"
+    land = "  - {after: takeoff, delay_s: 4, set_mode: LAND}\n"
+    result = fly(HOP + land + gust + f"  - {late}}}\n")
+    (reason,) = result.run["verdict"]["reasons"]
+    assert reason == "flight.yaml:8: fault rotor 1, kind efficiency, factor 0.9: never ran, its condition was never met"
+    assert result.status == "FAIL"
+    assert [row["outcome"] for row in result.run["actions"][-2:]] == ["done", "waiting"]
+    assert [row["t_s"] for row in result.run["actions"][-2:]] == [6.0, None]
+    assert len(result.run["unmet"]) == 1
+    assert fly(HOP + land + f"  - {late}, required: false}}\n").status == "PASS"
+
+
 def tilt_deg(result: RunResult) -> float:
     values = {row["name"]: row["value"] for row in result.run["verdict"]["rows"]}
     return float(values["max_tilt_deg"])

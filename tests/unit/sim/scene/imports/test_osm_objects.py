@@ -248,6 +248,28 @@ def test_what_does_not_stand_on_the_ground_is_open_below(tags: dict[str, str], u
     assert len(faces) == 1
 
 
+@pytest.mark.parametrize(
+    ("tags", "base_m", "top_m"),
+    [
+        ({"height": "4", "min_height": "12"}, 3.5, 4.0),
+        ({"height": "6", "min_height": "6"}, 5.5, 6.0),
+        ({"building__levels": "2", "building__min_level": "5"}, 5.5, 6.0),
+        ({"height": "6", "min_height": "5.9"}, 5.9, 6.4),  # a thin roof: no contradiction
+    ],
+)
+def test_a_base_above_the_top_is_told_and_the_top_counts(
+    tags: dict[str, str], base_m: float, top_m: float, tmp_path: Path
+) -> None:
+    out = _Extract()
+    out.ring(square(30, 0, 6, 4), building="yes", roof__shape="flat", **tags)
+    world = world_of(tmp_path, out.xml())
+    geoms = [g for g in [*geoms_of(world, "building"), *geoms_of(world, "house")] if world.geom_visible[g]]
+    low, high = extent(world, geoms)
+    assert (low[2], high[2]) == pytest.approx((base_m, top_m), abs=0.01)
+    told = "1 buildings state min_height above height: the height counts"
+    assert (told in world.map.notes) is (base_m < 5.9)
+
+
 def test_a_zebra_crossing_and_rails_are_where_their_ways_are(tmp_path: Path) -> None:
     world = world_of(tmp_path, town(), radius_m=95, objects="{seed: 1}")
     low, high = extent(world, geoms_of(world, "crossing"))
