@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import math
+import resource
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -258,6 +260,22 @@ def test_geometry_refuses_what_would_break_it() -> None:
     ):
         with pytest.raises(ValueError):  # noqa: PT011 (each says what is wrong in words of its own)
             refused()
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads Linux's count of pages")
+def test_scenes_that_are_gone_give_back_their_memory() -> None:
+    texels = [np.full((edge, edge, 3), edge % 251, np.uint8) for edge in (512, 256, 128, 64)]
+
+    def scenes(count: int) -> int:
+        for i in range(count):
+            kept.append(native(np.tile(CUBE, (500 + 100 * i, 1)), np.tile(CUBE_FACES, (500, 1))))
+            kept[-1][1].add_texture(texels, False)
+            del kept[:-2]
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    kept: list[tuple[Geometry, Scenery]] = []
+    before = scenes(5)
+    assert scenes(30) - before < 25 * 2**20  # 30 scenes have 75 MiB
 
 
 def test_shadows_do_not_depend_on_when_they_were_first_drawn() -> None:
