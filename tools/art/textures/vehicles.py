@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.maps.texture_tools import Image, clouds
-from sim.scene.maps.vehicles.paints import PLATES
+from sim.scene.maps.vehicles.paints import BOXES, PLATES
 from tools.art.textures.dot_font import write
 from tools.art.textures.layers import step
 from tools.art.vehicles.lofts import at_knots
 
-__all__ = ["PLATES", "box_body", "glass", "plate", "reflection"]
+__all__ = ["BOXES", "PLATES", "box_body", "glass", "plate", "reflection"]
 
 # Brightness of what the paint of an upright side reflects, by the share of the height: the shade below the car, the
 # road, what stands along it, and from the shoulder on the sky.
 _REFLECTED = (
     (0.0, 0.36), (0.12, 0.45), (0.28, 0.78), (0.40, 0.60), (0.46, 1.0), (0.52, 0.86), (0.60, 1.0), (1.0, 1.0),
 )  # fmt: skip
-_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.40), (1.0, 0.40))  # share of the light that reflected shapes take
+_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.34), (0.8, 0.18), (1.0, 0.18))  # share of the light that reflected shapes take
 _SIDE_PX = 128
 _TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
 
@@ -66,10 +66,11 @@ def glass() -> NDArray[np.uint8]:
     return image.astype(np.uint8)
 
 
-def box_body() -> NDArray[np.uint8]:
+def box_body(number: int) -> NDArray[np.uint8]:
     """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
 
-    White sheet in panels with seams and rivets, streaks of dirt, a livery, and the reflecting tape of the lower edge.
+    0: white sheet in panels with seams and rivets, and a livery; 1: blue curtains with straps; 2: ribbed grey sheet with a
+    red field. All have streaks of dirt, and the reflecting tape of the lower edge; doors are of the same colour.
     """
     side, half = (128, 512), (128, 256)
     sheets = []
@@ -79,19 +80,18 @@ def box_body() -> NDArray[np.uint8]:
         v = np.broadcast_to((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], size)
         dirt = 0.6 * clouds(f"lorry.{name}", 40, 3, size) + 0.4 * clouds(f"lorry.fine.{name}", 24, 10, size)
         light: Image = 0.80 - 0.10 * step(0.45, 0.8, dirt) - 0.16 * step(0.30, 0.0, v) * dirt
-        place = (u * panels) % 1.0 if name != "roof" else (v * panels) % 1.0
-        light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
-        seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
-        light = np.where(seam, 0.46, light)
+        if name == "side" and number:
+            light = light * (_pleats(u) if number == 1 else _ribs(u))
+        else:
+            place = (u * panels) % 1.0 if name != "roof" else (v * panels) % 1.0
+            light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
+            seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
+            light = np.where(seam, 0.46, light)
         sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
     whole, doors, roof = sheets
     up = 1.0 - (np.arange(128) + 0.5) / 128.0
     along = (np.arange(512) + 0.5) / 512.0
-    # A blue band and an orange one that rise towards the cab, and the name above them.
-    rise = up[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * along[None, :])
-    for low, high, rgb in ((0.20, 0.40, (0.13, 0.26, 0.44)), (0.42, 0.47, (0.85, 0.45, 0.14))):
-        inside = (rise > low) & (rise < high)
-        whole[inside] = np.array(rgb) * (whole[inside] / 0.8)
+    _PAINTERS[number](whole, doors, up, along)
     tape = (up > 0.02) & (up < 0.055)
     red = (np.arange(512) // 16) % 2 == 0
     for sheet, width in ((whole, 512), (doors, 256)):
@@ -101,5 +101,57 @@ def box_body() -> NDArray[np.uint8]:
         sheet[up > 0.965] *= 0.72  # shade of the upper rail
     image = np.concatenate([whole, np.concatenate([doors, roof], axis=1)]) * 255.0 + 0.5
     pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)
-    write(pixels, "TRANSPORT", (22, 126), (5, 4), 29, (33, 66, 112))
+    text, place_px, rgb = _NAMES[number]
+    write(pixels, text, place_px, (5, 4), 29, rgb)
     return pixels
+
+
+_NAMES = (
+    ("TRANSPORT", (22, 126), (33, 66, 112)), ("PARCELS", (40, 150), (228, 226, 220)), ("MARKET", (40, 210), (232, 230, 226)),
+)  # fmt: skip
+
+
+def _pleats(u: Image) -> Image:
+    """Return the light of a curtain that hangs in soft pleats between its straps."""
+    place = (u * 14.0) % 1.0
+    return 0.86 + 0.14 * step(0.0, 0.35, np.minimum(place, 1.0 - place)) - 0.10 * clouds("curtain", 9, 60, u.shape)
+
+
+def _ribs(u: Image) -> Image:
+    place = (u * 36.0) % 1.0
+    return 0.80 + 0.20 * step(0.12, 0.3, np.abs(place - 0.5))
+
+
+def _livery(whole: Image, doors: Image, up: Image, along: Image) -> None:
+    """Paint a blue band and an orange one that rise towards the cab."""
+    del doors
+    rise = up[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * along[None, :])
+    for low, high, rgb in ((0.20, 0.40, (0.13, 0.26, 0.44)), (0.42, 0.47, (0.85, 0.45, 0.14))):
+        inside = (rise > low) & (rise < high)
+        whole[inside] = np.array(rgb) * (whole[inside] / 0.8)
+
+
+def _curtains(whole: Image, doors: Image, up: Image, along: Image) -> None:
+    """Paint the curtain and the doors blue, the edges of the curtain as rails, and straps with buckles."""
+    blue = np.array((0.17, 0.30, 0.52))
+    curtain = (up > 0.09) & (up < 0.94)
+    whole[curtain] = blue * whole[curtain] / 0.8
+    doors[:] = blue * doors / 0.8
+    strap = (np.abs((along * 14.0) % 1.0 - 0.5) < 0.055)[None, :] & (up < 0.90)[:, None] & (up > 0.07)[:, None]
+    whole[strap] *= 0.55
+    buckle = (np.abs((along * 14.0) % 1.0 - 0.5) < 0.10)[None, :] & (up > 0.11)[:, None] & (up < 0.16)[:, None]
+    whole[buckle] = 0.62
+
+
+def _field(whole: Image, doors: Image, up: Image, along: Image) -> None:
+    """Paint a red field over the front two thirds, and a red band over the doors."""
+    red = np.array((0.58, 0.11, 0.10))
+    field = (up[:, None] > 0.16) & (along[None, :] > 0.30 + 0.12 * up[:, None])
+    whole[field] = red * whole[field] / 0.8
+    whole[~field] *= 0.82
+    band = (up > 0.16) & (up < 0.42)
+    doors *= 0.82
+    doors[band] = red * doors[band] / 0.66
+
+
+_PAINTERS = (_livery, _curtains, _field)
