@@ -27,6 +27,7 @@ from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree
 from sim.scene.maps.season import Season
+from sim.scene.maps.street_clutter import Kerb, add_clutter
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp
 from sim.scene.maps.suburb import FRONT_M, KERB_M, LANE_M, LAWN_M, Lot, Suburb
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
@@ -37,6 +38,7 @@ from sim.scene.scene_map import SceneMap
 
 _STREET_M = 21.0  # distance of the middle of a street from the axes
 _EDGE_M = 60.0
+_CORNER_M = 4.0  # of a block, without small objects
 _INNER_M, _OUTER_M = _STREET_M - LANE_M, _STREET_M + LANE_M
 
 
@@ -53,6 +55,7 @@ class UrbanDeliveryParameters(StrictModel):
     wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
     cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
+    street_objects: Annotated[int, Field(ge=0, le=60)] = 16  # groups: bins, cones, signs, cabinets, bollards
     season: Season = "summer"
 
 
@@ -369,6 +372,22 @@ class _Suburb(Suburb):
             heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, rng, "motorcycle", (x, y, heading))
 
+    def kerbside(self) -> None:
+        """Add small objects along the kerbs of the blocks of houses."""
+        kerbs = []
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                for lane in (-1.0, 1.0):
+                    for low, high in ((-_EDGE_M, -_OUTER_M), (-_INNER_M, _INNER_M), (_OUTER_M, _EDGE_M)):
+                        if lane == -side and low == -_INNER_M:
+                            continue  # the depot
+                        # The street is at the right of a kerb: that on the left of the street runs along it.
+                        begin = low + _CORNER_M if lane > 0.0 else high - _CORNER_M
+                        x, y, _ = _turned(axis, begin, side * _STREET_M + lane * LANE_M)
+                        heading = axis * QUARTER_TURN_RAD + (0.0 if lane > 0.0 else pi)
+                        kerbs.append(Kerb(x, y, heading, high - low - 2.0 * _CORNER_M, KERB_M))
+        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, self.parameters.street_objects)
+
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
         heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * QUARTER_TURN_RAD
         add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=LAWN_M)
@@ -457,6 +476,7 @@ def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
     suburb.people()
     suburb.signs()
     suburb.objects()
+    suburb.kerbside()
     suburb.traffic()
     suburb.street_details()
     suburb.lawn_details()

@@ -1,0 +1,203 @@
+"""What stands along kerbs: rows of parked cars, and small objects on the pavement.
+
+Rows: of the places along a kerb, 6.3 m each, as many are taken as asked for, in runs of one to four cars that stand 0.2 to
+0.5 m from the kerb and a little askew. Objects: wheelie bins in pairs, traffic cones in threes, signs, cabinets and
+bollards. All of it comes from one generator, so that another number of cars moves no object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from signals._kernel import det_cos, det_sin
+from signals.samples import Vec3
+from signals.units import QUARTER_TURN_RAD, TURN_RAD
+from sim.scene import surfaces
+from sim.scene.maps.layout import Layout
+from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.meshes import Mesh, revolve
+from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
+from sim.scene.random_generator import RandomGenerator
+
+PLACE_M = 6.3  # length of a place for a car
+_CAR_M, _ASKEW_RAD = 2.9, 0.03  # clear radius about the middle of a parked car
+_LONGEST_RUN = 4
+_BIN_PAINTS = {
+    "dark": (0.16, 0.18, 0.18), "green": (0.10, 0.27, 0.15), "brown": (0.30, 0.19, 0.11), "yellow": (0.80, 0.62, 0.10),
+    "blue": (0.10, 0.22, 0.45),
+}  # fmt: skip
+_CONE_M = 0.52
+_ALONG_X = pitch_quat(QUARTER_TURN_RAD)  # turns a cylinder
+_FROM_KERB_M, _CLEAR_M = 0.36, 0.7
+
+
+@dataclass(frozen=True)
+class Kerb:
+    """Straight kerb with the street at its right, seen along `heading_rad` from (x, y); `top_m`: of its pavement."""
+
+    x: float
+    y: float
+    heading_rad: float
+    length_m: float
+    top_m: float
+
+    def at(self, along_m: float, left_m: float) -> tuple[float, float]:
+        """Return the point `along_m` from the begin, `left_m` onto the pavement (negative: into the street)."""
+        c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
+        return self.x + along_m * c - left_m * s, self.y + along_m * s + left_m * c
+
+
+def park_cars(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], layout: Layout, count: int) -> int:
+    """Park up to `count` cars in runs along the kerbs, where the street is free. Return their number."""
+    places = [(kerb, k) for kerb in kerbs for k in range(int(kerb.length_m / PLACE_M))]
+    parked = 0
+    for kerb, first in rng.shuffled(places):
+        run = 1 + rng.index(_LONGEST_RUN)
+        for k in range(first, first + run):
+            along, out = (k + 0.5) * PLACE_M + rng.between(-0.4, 0.4), 1.12 + rng.between(0.0, 0.3)
+            turn, kind = rng.between(-_ASKEW_RAD, _ASKEW_RAD), rng.pick(STREET_MIX)
+            x, y = kerb.at(along, -out)
+            if parked == count or (k + 1) * PLACE_M > kerb.length_m or not layout.free(x, y, _CAR_M):
+                break
+            layout.take_disc(x, y, _CAR_M)
+            # Traffic keeps right: cars at the right-hand kerb look against the kerb's direction.
+            add_vehicle(builder, rng, kind, (x, y, kerb.heading_rad + 2.0 * QUARTER_TURN_RAD + turn))
+            parked += 1
+    return parked
+
+
+def add_clutter(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], layout: Layout, count: int) -> None:
+    """Add `count` groups of small objects on the pavements, where they are free."""
+    kinds: tuple[Callable[..., None], ...] = (_bins, _bins, _sign, _sign, _cabinet, _cones, _bollards)
+    for _ in range(count):
+        kerb, kind = rng.pick(kerbs), rng.pick(kinds)
+        for _ in range(12):
+            along = rng.between(1.5, kerb.length_m - 1.5)
+            x, y = kerb.at(along, _FROM_KERB_M)
+            if layout.free(x, y, _CLEAR_M):
+                layout.take_disc(x, y, _CLEAR_M)
+                kind(builder, rng, (x, y, kerb.top_m), kerb.heading_rad)
+                break
+
+
+def _bins(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add one or two wheelie bins of 120 litres, 0.94 m high, with their front to the street."""
+    builder.material("bin_wheel", surfaces.RUBBER, rgb=(0.10, 0.10, 0.10), specular=0.05, shininess=0.1)
+    for k in range(1 + rng.index(2)):
+        colour = rng.pick(tuple(_BIN_PAINTS))
+        material = builder.material(
+            f"bin_{colour}", surfaces.PLASTIC, rgb=_BIN_PAINTS[colour], specular=0.3, shininess=0.4
+        )
+        along = 0.62 * (k - 0.5)
+        c, s = det_cos(heading_rad), det_sin(heading_rad)
+        body = builder.body(
+            "bin", (at[0] + along * c, at[1] + along * s, at[2]), yaw_quat(heading_rad + rng.between(-0.25, 0.25))
+        )
+        drum = builder.mesh("wheelie_drum", _wheelie())
+        body.geom("mesh", asset=drum, material=material, part="drum")
+        body.geom("box", (0.25, 0.29, 0.025), pos=(0.0, 0.01, 0.93), material=material, part="lid")
+        body.geom("box", (0.22, 0.02, 0.02), pos=(0.0, 0.30, 0.90), material=material, solid=False, part="grip")
+        for side in (-0.22, 0.22):
+            part = "wheel_l" if side < 0.0 else "wheel_r"
+            body.geom(
+                "cylinder", (0.10, 0.03), pos=(side, 0.22, 0.10), quat=_ALONG_X, material="bin_wheel", solid=False,
+                part=part,
+            )  # fmt: skip
+
+
+def _wheelie() -> Mesh:
+    """Return the drum of a wheelie bin: wider at its top."""
+    mesh = Mesh.empty()
+    low = [(-0.18, -0.18), (0.18, -0.18), (0.18, 0.20), (-0.18, 0.20)]
+    high = [(-0.24, -0.27), (0.24, -0.27), (0.24, 0.27), (-0.24, 0.27)]
+    z0, z1 = 0.03, 0.91
+    uvs = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    for i in range(4):
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = low[i], low[(i + 1) % 4], high[(i + 1) % 4], high[i]
+        mesh.add_polygon([(ax, ay, z0), (bx, by, z0), (cx, cy, z1), (dx, dy, z1)], uvs)
+    mesh.add_polygon([(x, y, z1) for x, y in high], uvs)
+    mesh.add_polygon([(x, y, z0) for x, y in reversed(low)], uvs)
+    return mesh
+
+
+def _sign(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add a round or a square sign of 0.45 m on a post of 2.5 m, which looks along the street."""
+    builder.material("sign_post", surfaces.METAL, rgb=(0.42, 0.44, 0.45), specular=0.4, shininess=0.4)
+    blue = builder.material("sign_blue", surfaces.SIGN_SHEETING, rgb=(0.08, 0.24, 0.62), specular=0.2, shininess=0.3)
+    red = builder.material("sign_red", surfaces.SIGN_SHEETING, rgb=(0.72, 0.08, 0.08), specular=0.2, shininess=0.3)
+    white = builder.material("sign_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2, shininess=0.3)
+    body = builder.body("sign", at, yaw_quat(heading_rad + 2.0 * QUARTER_TURN_RAD * rng.index(2)))
+    body.geom("cylinder", (0.03, 1.25), pos=(0.0, 0.0, 1.25), material="sign_post", part="post")
+    if rng.chance(0.5):  # no stopping
+        for radius, x, material, part in ((0.23, 0.045, red, "rim"), (0.18, 0.055, blue, "field")):
+            body.geom(
+                "cylinder", (radius, 0.006), pos=(x, 0.0, 2.22), quat=_ALONG_X, material=material, solid=False, part=part
+            )
+        bar = roll_quat(0.5 * QUARTER_TURN_RAD)
+        body.geom("box", (0.004, 0.20, 0.025), pos=(0.062, 0.0, 2.22), quat=bar, material=red, solid=False, part="bar")
+    else:  # parking
+        body.geom("box", (0.006, 0.23, 0.23), pos=(0.045, 0.0, 2.22), material=blue, solid=False, part="field")
+        for half_y, half_z, y, z, part in (
+            (0.02, 0.15, -0.07, 2.22, "stem"), (0.07, 0.02, 0.0, 2.35, "upper"), (0.07, 0.02, 0.0, 2.22, "lower"),
+            (0.02, 0.08, 0.07, 2.285, "bow"),
+        ):  # fmt: skip
+            body.geom("box", (0.004, half_y, half_z), pos=(0.053, y, z), material=white, solid=False, part=part)
+
+
+def _cabinet(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add a cabinet of a telephone line, 0.9 x 0.35 x 1.2 m."""
+    builder.material("cabinet", surfaces.PLASTIC, rgb=(0.52, 0.54, 0.50), specular=0.2, shininess=0.3)
+    builder.material("cabinet_foot", surfaces.CONCRETE, rgb=(0.45, 0.44, 0.42), specular=0.0)
+    body = builder.body("cabinet", at, yaw_quat(heading_rad))
+    high = rng.between(0.52, 0.62)
+    body.geom("box", (0.47, 0.19, 0.05), pos=(0.0, 0.0, 0.05), material="cabinet_foot", part="foot")
+    body.geom("box", (0.45, 0.17, high), pos=(0.0, 0.0, 0.1 + high), material="cabinet", part="case")
+    body.geom("box", (0.47, 0.19, 0.02), pos=(0.0, 0.0, 0.12 + 2.0 * high), material="cabinet", part="lid")
+    body.geom(
+        "box", (0.006, 0.002, high - 0.06), pos=(0.0, -0.171, 0.1 + high), material="cabinet_foot", solid=False,
+        part="seam",
+    )  # fmt: skip
+
+
+def _cones(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add three traffic cones of 0.55 m in a row."""
+    orange = builder.material("cone_orange", surfaces.PLASTIC, rgb=(0.90, 0.28, 0.05), specular=0.2, shininess=0.3)
+    white = builder.material("cone_white", surfaces.SIGN_SHEETING, rgb=(0.90, 0.90, 0.89), specular=0.1)
+    cone = builder.mesh("traffic_cone", revolve([(0.15, 0.02), (0.025, _CONE_M)], 14))
+    c, s = det_cos(heading_rad), det_sin(heading_rad)
+    for k in range(3):
+        along, left = 0.55 * (k - 1), rng.between(-0.12, 0.12)
+        body = builder.body("cone", (at[0] + along * c - left * s, at[1] + along * s + left * c, at[2]))
+        body.geom("box", (0.18, 0.18, 0.015), pos=(0.0, 0.0, 0.015), material=orange, part="foot")
+        body.geom("mesh", asset=cone, material=orange, part="cone")
+        band = builder.mesh("traffic_cone_band", revolve([(0.1135, 0.20), (0.0835, 0.32)], 14))
+        body.geom("mesh", asset=band, material=white, solid=False, part="band")
+
+
+def _bollards(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add two bollards of 0.9 m with a white band."""
+    dark = builder.material("bollard_dark", surfaces.PAINTED_METAL, rgb=(0.14, 0.15, 0.16), specular=0.4)
+    white = builder.material("bollard_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2)
+    c, s = det_cos(heading_rad), det_sin(heading_rad)
+    apart = rng.between(0.5, 0.65)
+    for along in (-apart, apart):
+        body = builder.body("bollard", (at[0] + along * c, at[1] + along * s, at[2]))
+        body.geom("capsule", (0.055, 0.42), pos=(0.0, 0.0, 0.42), material=dark, part="post")
+        body.geom("cylinder", (0.058, 0.05), pos=(0.0, 0.0, 0.70), material=white, solid=False, part="band")
+
+
+def square_kerbs(half_m: float, margin_m: float, top_m: float, *, street_outside: bool) -> list[Kerb]:
+    """Return the four kerbs of a square about the origin without `margin_m` at each end, counter-clockwise.
+
+    `street_outside`: the pavement is inside, so the street is at the right; else kerbs run clockwise.
+    """
+    kerbs = []
+    for quarter in range(4):
+        heading = QUARTER_TURN_RAD * quarter
+        c, s = det_cos(heading), det_sin(heading)
+        along, across = (-half_m + margin_m, -half_m) if street_outside else (half_m - margin_m, -half_m)
+        x, y = along * c - across * s, along * s + across * c
+        turned = heading if street_outside else heading + TURN_RAD / 2
+        kerbs.append(Kerb(x, y, turned, 2.0 * (half_m - margin_m), top_m))
+    return kerbs
