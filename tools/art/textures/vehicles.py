@@ -18,7 +18,7 @@ __all__ = ["BOXES", "PLATES", "box_body", "glass", "plate", "reflection"]
 _REFLECTED = (
     (0.0, 0.36), (0.12, 0.45), (0.28, 0.78), (0.40, 0.60), (0.46, 1.0), (0.52, 0.86), (0.60, 1.0), (1.0, 1.0),
 )  # fmt: skip
-_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.34), (0.8, 0.18), (1.0, 0.18))  # share of the light that reflected shapes take
+_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.34), (0.8, 0.14), (0.93, 0.03), (1.0, 0.03))  # share of the light that reflected shapes take
 _SIDE_PX = 128
 _TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
 
@@ -52,7 +52,7 @@ def glass() -> NDArray[np.uint8]:
     u, v = np.broadcast_to(u, (64, 128)), np.broadcast_to(v[:, None], (64, 128))
     halves = []
     for seats, dashboard in (((0.28, 0.72), 0.16), ((0.38,), 0.0)):
-        image = np.stack([20.0 + 44.0 * v * v, 23.0 + 52.0 * v * v, 27.0 + 60.0 * v * v], axis=-1)
+        image = np.stack([16.0 + 26.0 * v * v, 18.0 + 29.0 * v * v, 20.0 + 32.0 * v * v], axis=-1)
         for seat in seats:
             wide = 0.06 if dashboard else 0.12
             head = (np.abs(u - seat) < wide) & (np.abs(v - 0.56) < 0.13)
@@ -87,6 +87,8 @@ def box_body(number: int) -> NDArray[np.uint8]:
             light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
             seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
             light = np.where(seam, 0.46, light)
+            if name == "roof":  # weathered, between bows that show through
+                light = (0.78 - 0.10 * clouds("lorry.weather", 7, 9, size)) * light
         sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
     whole, doors, roof = sheets
     up = 1.0 - (np.arange(128) + 0.5) / 128.0
