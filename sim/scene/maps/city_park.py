@@ -37,7 +37,7 @@ from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_pot
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
 from sim.scene.maps.season import Season
-from sim.scene.maps.street_clutter import add_clutter, park_cars, square_kerbs
+from sim.scene.maps.street_clutter import CAR_M, add_clutter, park_cars, square_kerbs
 from sim.scene.maps.street_furniture import (
     SEAT_M,
     add_bench,
@@ -76,8 +76,8 @@ class CityParkParameters(StrictModel):
     cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     resting_people: Annotated[int, Field(ge=0, le=20)] = 3
     cars: Annotated[int, Field(ge=0, le=40)] = 3
-    parked_cars: Annotated[int, Field(ge=0, le=60)] = 10  # besides `cars`
-    street_objects: Annotated[int, Field(ge=0, le=60)] = 14  # groups: bins, cones, signs, cabinets, bollards
+    parked_cars: Annotated[int, Field(ge=0, le=60)] = 5  # besides `cars`
+    street_objects: Annotated[int, Field(ge=0, le=60)] = 6  # groups: bins, cones, signs, cabinets, bollards
     hill_m: Annotated[float, Field(ge=0.0, le=8.0)] = 3.5
     season: Season = "summer"
 
@@ -423,12 +423,13 @@ class _Park:
 
     def kerbside(self) -> None:
         """Add rows of parked cars and small objects along the street, after all else, so that nothing else moves."""
+        road = Layout()
         for x, y in self.cars:
-            self.layout.take_disc(x, y, 2.9)
+            road.take_disc(x, y, CAR_M)
         inner = square_kerbs(_HALF_M + 3.0, 6.0, _PAVEMENT_M, street_outside=True)
         outer = square_kerbs(_STREET_M + 3.5, 12.0, _PAVEMENT_M, street_outside=False)
         kerbs = [*inner, *outer]
-        park_cars(self.builder, self.rng("parked_cars"), kerbs, self.layout, self.parameters.parked_cars)
+        park_cars(self.builder, self.rng("parked_cars"), kerbs, road, self.parameters.parked_cars)
         add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, self.parameters.street_objects)
 
     @staticmethod

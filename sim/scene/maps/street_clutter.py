@@ -1,8 +1,8 @@
 """What stands along kerbs: rows of parked cars, and small objects on the pavement.
 
-Rows: of the places along a kerb, 6.3 m each, as many are taken as asked for, in runs of one to four cars that stand 0.2 to
-0.5 m from the kerb and a little askew. Objects: wheelie bins in pairs, traffic cones in threes, signs, cabinets and
-bollards. All of it comes from one generator, so that another number of cars moves no object.
+Rows: of the places along a kerb, 6.3 m each, as many are taken as asked for, in runs of one to four cars that stand
+0.2 to 0.5 m from the kerb and a little askew. Objects: wheelie bins, traffic cones in threes, signs, cabinets and
+bollards. Cars and objects have a generator each, so that another number of cars moves no object.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from signals.samples import Vec3
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps.layout import Layout
-from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
-from sim.scene.maps.meshes import Mesh, revolve
+from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
+from sim.scene.maps.meshes import Mesh, box_with_tiles, ellipse, revolve, ribbon, slab
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.random_generator import RandomGenerator
 
 PLACE_M = 6.3  # length of a place for a car
-_CAR_M, _ASKEW_RAD = 2.9, 0.03  # clear radius about the middle of a parked car
+CAR_M, _ASKEW_RAD = 2.9, 0.03  # clear radius about the middle of a parked car
+_HALF_CAR_M, _HALF_VAN_M = 1.15, 1.32  # from the middle to the mirrors, turned askew
 _LONGEST_RUN = 4
 _BIN_PAINTS = {
     "dark": (0.16, 0.18, 0.18), "green": (0.10, 0.27, 0.15), "brown": (0.30, 0.19, 0.11), "yellow": (0.80, 0.62, 0.10),
     "blue": (0.10, 0.22, 0.45),
 }  # fmt: skip
 _CONE_M = 0.52
-_ALONG_X = pitch_quat(QUARTER_TURN_RAD)  # turns a cylinder
+_SIGN_M = 2.22  # height of a sign's middle
 _FROM_KERB_M, _CLEAR_M = 0.36, 0.7
 
 
@@ -48,19 +49,20 @@ class Kerb:
         return self.x + along_m * c - left_m * s, self.y + along_m * s + left_m * c
 
 
-def park_cars(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], layout: Layout, count: int) -> int:
-    """Park up to `count` cars in runs along the kerbs, where the street is free. Return their number."""
+def park_cars(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], road: Layout, count: int) -> int:
+    """Park up to `count` cars in runs along the kerbs, where the road is free. Return their number."""
     places = [(kerb, k) for kerb in kerbs for k in range(int(kerb.length_m / PLACE_M))]
     parked = 0
     for kerb, first in rng.shuffled(places):
         run = 1 + rng.index(_LONGEST_RUN)
         for k in range(first, first + run):
-            along, out = (k + 0.5) * PLACE_M + rng.between(-0.4, 0.4), 1.12 + rng.between(0.0, 0.3)
+            along, out = (k + 0.5) * PLACE_M + rng.between(-0.4, 0.4), rng.between(0.0, 0.25)
             turn, kind = rng.between(-_ASKEW_RAD, _ASKEW_RAD), rng.pick(STREET_MIX)
+            out += _HALF_VAN_M if kind == "van" else _HALF_CAR_M
             x, y = kerb.at(along, -out)
-            if parked == count or (k + 1) * PLACE_M > kerb.length_m or not layout.free(x, y, _CAR_M):
+            if parked == count or (k + 1) * PLACE_M > kerb.length_m or not road.free(x, y, CAR_M):
                 break
-            layout.take_disc(x, y, _CAR_M)
+            road.take_disc(x, y, CAR_M)
             # Traffic keeps right: cars at the right-hand kerb look against the kerb's direction.
             add_vehicle(builder, rng, kind, (x, y, kerb.heading_rad + 2.0 * QUARTER_TURN_RAD + turn))
             parked += 1
@@ -83,31 +85,88 @@ def add_clutter(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb]
 
 def _bins(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
     """Add one or two wheelie bins of 120 litres, 0.94 m high, with their front to the street."""
-    builder.material("bin_wheel", surfaces.RUBBER, rgb=(0.10, 0.10, 0.10), specular=0.05, shininess=0.1)
+    dark = builder.material("bin_wheel", surfaces.RUBBER, rgb=(0.10, 0.10, 0.10), specular=0.05, shininess=0.1)
     for k in range(1 + rng.index(2)):
         colour = rng.pick(tuple(_BIN_PAINTS))
         material = builder.material(
             f"bin_{colour}", surfaces.PLASTIC, rgb=_BIN_PAINTS[colour], specular=0.3, shininess=0.4
         )
-        along = 0.62 * (k - 0.5)
-        c, s = det_cos(heading_rad), det_sin(heading_rad)
-        body = builder.body(
-            "bin", (at[0] + along * c, at[1] + along * s, at[2]), yaw_quat(heading_rad + rng.between(-0.25, 0.25))
-        )
-        drum = builder.mesh("wheelie_drum", _wheelie())
-        body.geom("mesh", asset=drum, material=material, part="drum")
-        body.geom("box", (0.25, 0.29, 0.025), pos=(0.0, 0.01, 0.93), material=material, part="lid")
-        body.geom("box", (0.22, 0.02, 0.02), pos=(0.0, 0.30, 0.90), material=material, solid=False, part="grip")
-        for side in (-0.22, 0.22):
-            part = "wheel_l" if side < 0.0 else "wheel_r"
-            body.geom(
-                "cylinder", (0.10, 0.03), pos=(side, 0.22, 0.10), quat=_ALONG_X, material="bin_wheel", solid=False,
-                part=part,
-            )  # fmt: skip
+        place = _along(at, heading_rad, 0.62 * (k - 0.5))
+        body = builder.body("bin", place, yaw_quat(heading_rad + rng.between(-0.25, 0.25)))
+        drawn: tuple[tuple[str, Callable[[], Mesh], str], ...] = (
+            ("drum", _wheelie, material), ("wheels", _bin_wheels, dark),
+        )  # fmt: skip
+        _add_drawn(builder, body, "wheelie", drawn)
+        body.proxy("box", (0.24, 0.27, 0.465), pos=(0.0, 0.0, 0.475), material=material, part="proxy")
+
+
+def _sign(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add a round or a square sign of 0.45 m on a post of 2.5 m, which looks along the street."""
+    post = builder.material("sign_post", surfaces.METAL, rgb=(0.42, 0.44, 0.45), specular=0.4, shininess=0.4)
+    blue = builder.material("sign_blue", surfaces.SIGN_SHEETING, rgb=(0.08, 0.24, 0.62), specular=0.2, shininess=0.3)
+    red = builder.material("sign_red", surfaces.SIGN_SHEETING, rgb=(0.72, 0.08, 0.08), specular=0.2, shininess=0.3)
+    white = builder.material("sign_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2, shininess=0.3)
+    body = builder.body("sign", at, yaw_quat(heading_rad + 2.0 * QUARTER_TURN_RAD * rng.index(2)))
+    body.geom("cylinder", (0.03, 1.25), pos=(0.0, 0.0, 1.25), material=post, part="post")
+    if rng.chance(0.5):
+        _add_drawn(builder, body, "no_stopping", (("field", _disc, blue), ("mark", _ring_and_bar, red)))
+    else:
+        _add_drawn(builder, body, "parking", (("field", _plate, blue), ("mark", _letter_p, white)))
+
+
+def _cabinet(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add a cabinet of a telephone line, 0.9 x 0.35 x 1.2 m."""
+    grey = builder.material("cabinet", surfaces.PLASTIC, rgb=(0.52, 0.54, 0.50), specular=0.2, shininess=0.3)
+    body = builder.body("cabinet", at, yaw_quat(heading_rad))
+    high = rng.between(0.52, 0.62)
+    body.geom("box", (0.45, 0.17, high), pos=(0.0, 0.0, high), material=grey, part="case")
+    body.geom("box", (0.47, 0.19, 0.02), pos=(0.0, 0.0, 0.02 + 2.0 * high), material=grey, solid=False, part="lid")
+
+
+def _cones(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add three traffic cones of 0.52 m in a row."""
+    orange = builder.material("cone_orange", surfaces.PLASTIC, rgb=(0.90, 0.28, 0.05), specular=0.2, shininess=0.3)
+    white = builder.material("cone_white", surfaces.SIGN_SHEETING, rgb=(0.90, 0.90, 0.89), specular=0.1)
+    for k in range(3):
+        body = builder.body("cone", _along(at, heading_rad, 0.55 * (k - 1), rng.between(-0.12, 0.12)))
+        _add_drawn(builder, body, "traffic_cone", (("cone", _cone, orange), ("band", _cone_band, white)))
+        body.proxy("cylinder", (0.09, 0.5 * _CONE_M), pos=(0.0, 0.0, 0.5 * _CONE_M), material=orange, part="proxy")
+
+
+def _bollards(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
+    """Add two bollards of 0.9 m with a white band."""
+    dark = builder.material("bollard_dark", surfaces.PAINTED_METAL, rgb=(0.14, 0.15, 0.16), specular=0.4)
+    white = builder.material("bollard_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2)
+    apart = rng.between(0.5, 0.65)
+    for along in (-apart, apart):
+        body = builder.body("bollard", _along(at, heading_rad, along))
+        body.geom("capsule", (0.055, 0.42), pos=(0.0, 0.0, 0.42), material=dark, part="post")
+        body.geom("cylinder", (0.058, 0.05), pos=(0.0, 0.0, 0.70), material=white, solid=False, part="band")
+
+
+def _along(at: Vec3, heading_rad: float, along_m: float, left_m: float = 0.0) -> Vec3:
+    c, s = det_cos(heading_rad), det_sin(heading_rad)
+    return at[0] + along_m * c - left_m * s, at[1] + along_m * s + left_m * c, at[2]
+
+
+def _add_drawn(
+    builder: MapBuilder, body: Body, name: str, parts: Sequence[tuple[str, Callable[[], Mesh], str]]
+) -> None:
+    for part, make, material in parts:
+        asset = builder.mesh(f"{name}_{part}", make())
+        body.geom("mesh", asset=asset, material=material, solid=False, part=part)
+
+
+def _add_box(mesh: Mesh, middle: Vec3, half: Vec3) -> None:
+    box = box_with_tiles(half, (1.0, 1.0))
+    first = len(mesh.vertices)
+    mesh.vertices += [(x + middle[0], y + middle[1], z + middle[2]) for x, y, z in box.vertices]
+    mesh.uvs += box.uvs
+    mesh.triangles += [(a + first, b + first, c + first) for a, b, c in box.triangles]
 
 
 def _wheelie() -> Mesh:
-    """Return the drum of a wheelie bin: wider at its top."""
+    """Return a wheelie bin without its wheels: a drum that is wider at its top, lid and grip."""
     mesh = Mesh.empty()
     low = [(-0.18, -0.18), (0.18, -0.18), (0.18, 0.20), (-0.18, 0.20)]
     high = [(-0.24, -0.27), (0.24, -0.27), (0.24, 0.27), (-0.24, 0.27)]
@@ -118,73 +177,75 @@ def _wheelie() -> Mesh:
         mesh.add_polygon([(ax, ay, z0), (bx, by, z0), (cx, cy, z1), (dx, dy, z1)], uvs)
     mesh.add_polygon([(x, y, z1) for x, y in high], uvs)
     mesh.add_polygon([(x, y, z0) for x, y in reversed(low)], uvs)
+    _add_box(mesh, (0.0, 0.01, 0.93), (0.25, 0.29, 0.025))
+    _add_box(mesh, (0.0, 0.31, 0.90), (0.22, 0.02, 0.02))
     return mesh
 
 
-def _sign(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
-    """Add a round or a square sign of 0.45 m on a post of 2.5 m, which looks along the street."""
-    builder.material("sign_post", surfaces.METAL, rgb=(0.42, 0.44, 0.45), specular=0.4, shininess=0.4)
-    blue = builder.material("sign_blue", surfaces.SIGN_SHEETING, rgb=(0.08, 0.24, 0.62), specular=0.2, shininess=0.3)
-    red = builder.material("sign_red", surfaces.SIGN_SHEETING, rgb=(0.72, 0.08, 0.08), specular=0.2, shininess=0.3)
-    white = builder.material("sign_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2, shininess=0.3)
-    body = builder.body("sign", at, yaw_quat(heading_rad + 2.0 * QUARTER_TURN_RAD * rng.index(2)))
-    body.geom("cylinder", (0.03, 1.25), pos=(0.0, 0.0, 1.25), material="sign_post", part="post")
-    if rng.chance(0.5):  # no stopping
-        for radius, x, material, part in ((0.23, 0.045, red, "rim"), (0.18, 0.055, blue, "field")):
-            body.geom(
-                "cylinder", (radius, 0.006), pos=(x, 0.0, 2.22), quat=_ALONG_X, material=material, solid=False, part=part
-            )
-        bar = roll_quat(0.5 * QUARTER_TURN_RAD)
-        body.geom("box", (0.004, 0.20, 0.025), pos=(0.062, 0.0, 2.22), quat=bar, material=red, solid=False, part="bar")
-    else:  # parking
-        body.geom("box", (0.006, 0.23, 0.23), pos=(0.045, 0.0, 2.22), material=blue, solid=False, part="field")
-        for half_y, half_z, y, z, part in (
-            (0.02, 0.15, -0.07, 2.22, "stem"), (0.07, 0.02, 0.0, 2.35, "upper"), (0.07, 0.02, 0.0, 2.22, "lower"),
-            (0.02, 0.08, 0.07, 2.285, "bow"),
-        ):  # fmt: skip
-            body.geom("box", (0.004, half_y, half_z), pos=(0.053, y, z), material=white, solid=False, part=part)
+def _bin_wheels() -> Mesh:
+    """Return the wheels of a wheelie bin, as prisms of twelve sides."""
+    mesh = Mesh.empty()
+    for x in (-0.22, 0.22):
+        rim = [(0.22 + y, 0.10 + z) for y, z in ellipse(0.10, 0.10, 12)]
+        for side in (-0.03, 0.03):
+            ring = rim if side > 0.0 else rim[::-1]
+            mesh.add_polygon([(x + side, y, z) for y, z in ring], ring)
+        for (ay, az), (by, bz) in zip(rim, [*rim[1:], rim[0]], strict=True):
+            face = [(x - 0.03, ay, az), (x - 0.03, by, bz), (x + 0.03, by, bz), (x + 0.03, ay, az)]
+            mesh.add_polygon(face[::-1], [(0.0, 0.0)] * 4)
+    return mesh
 
 
-def _cabinet(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
-    """Add a cabinet of a telephone line, 0.9 x 0.35 x 1.2 m."""
-    builder.material("cabinet", surfaces.PLASTIC, rgb=(0.52, 0.54, 0.50), specular=0.2, shininess=0.3)
-    builder.material("cabinet_foot", surfaces.CONCRETE, rgb=(0.45, 0.44, 0.42), specular=0.0)
-    body = builder.body("cabinet", at, yaw_quat(heading_rad))
-    high = rng.between(0.52, 0.62)
-    body.geom("box", (0.47, 0.19, 0.05), pos=(0.0, 0.0, 0.05), material="cabinet_foot", part="foot")
-    body.geom("box", (0.45, 0.17, high), pos=(0.0, 0.0, 0.1 + high), material="cabinet", part="case")
-    body.geom("box", (0.47, 0.19, 0.02), pos=(0.0, 0.0, 0.12 + 2.0 * high), material="cabinet", part="lid")
-    body.geom(
-        "box", (0.006, 0.002, high - 0.06), pos=(0.0, -0.171, 0.1 + high), material="cabinet_foot", solid=False,
-        part="seam",
-    )  # fmt: skip
+def _cone() -> Mesh:
+    mesh = revolve([(0.15, 0.02), (0.025, _CONE_M)], 14)
+    _add_box(mesh, (0.0, 0.0, 0.015), (0.18, 0.18, 0.015))
+    return mesh
 
 
-def _cones(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
-    """Add three traffic cones of 0.55 m in a row."""
-    orange = builder.material("cone_orange", surfaces.PLASTIC, rgb=(0.90, 0.28, 0.05), specular=0.2, shininess=0.3)
-    white = builder.material("cone_white", surfaces.SIGN_SHEETING, rgb=(0.90, 0.90, 0.89), specular=0.1)
-    cone = builder.mesh("traffic_cone", revolve([(0.15, 0.02), (0.025, _CONE_M)], 14))
-    c, s = det_cos(heading_rad), det_sin(heading_rad)
-    for k in range(3):
-        along, left = 0.55 * (k - 1), rng.between(-0.12, 0.12)
-        body = builder.body("cone", (at[0] + along * c - left * s, at[1] + along * s + left * c, at[2]))
-        body.geom("box", (0.18, 0.18, 0.015), pos=(0.0, 0.0, 0.015), material=orange, part="foot")
-        body.geom("mesh", asset=cone, material=orange, part="cone")
-        band = builder.mesh("traffic_cone_band", revolve([(0.1135, 0.20), (0.0835, 0.32)], 14))
-        body.geom("mesh", asset=band, material=white, solid=False, part="band")
+def _cone_band() -> Mesh:
+    return revolve([(0.1135, 0.20), (0.0835, 0.32)], 14)
 
 
-def _bollards(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
-    """Add two bollards of 0.9 m with a white band."""
-    dark = builder.material("bollard_dark", surfaces.PAINTED_METAL, rgb=(0.14, 0.15, 0.16), specular=0.4)
-    white = builder.material("bollard_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2)
-    c, s = det_cos(heading_rad), det_sin(heading_rad)
-    apart = rng.between(0.5, 0.65)
-    for along in (-apart, apart):
-        body = builder.body("bollard", (at[0] + along * c, at[1] + along * s, at[2]))
-        body.geom("capsule", (0.055, 0.42), pos=(0.0, 0.0, 0.42), material=dark, part="post")
-        body.geom("cylinder", (0.058, 0.05), pos=(0.0, 0.0, 0.70), material=white, solid=False, part="band")
+def _disc() -> Mesh:
+    return _turned(slab(ellipse(0.19, 0.19, 20), 0.045, 0.057, tile_m=1.0))
+
+
+def _plate() -> Mesh:
+    mesh = Mesh.empty()
+    _add_box(mesh, (0.045, 0.0, _SIGN_M), (0.006, 0.23, 0.23))
+    return mesh
+
+
+def _letter_p() -> Mesh:
+    mesh = Mesh.empty()
+    for y, z, half_y, half_z in (
+        (-0.07, 0.0, 0.02, 0.15),
+        (0.0, 0.13, 0.07, 0.02),
+        (0.0, 0.0, 0.07, 0.02),
+        (0.07, 0.065, 0.02, 0.085),
+    ):
+        _add_box(mesh, (0.053, y, _SIGN_M + z), (0.004, half_y, half_z))
+    return mesh
+
+
+def _ring_and_bar() -> Mesh:
+    """Return the red of a no-stopping sign: a ring, and a bar from the upper left to the lower right."""
+    mesh = _turned(ribbon(ellipse(0.205, 0.205, 20), 0.025, 0.044, 0.062, tile_m=1.0, closed=True))
+    edge, half = 0.14, 0.016
+    corners = [
+        (-edge - half, edge - half),
+        (-edge + half, edge + half),
+        (edge + half, -edge + half),
+        (edge - half, -edge - half),
+    ]
+    for x, order in ((0.064, corners[::-1]), (0.058, corners)):
+        mesh.add_polygon([(x, y, _SIGN_M + z) for y, z in order], [(0.0, 0.0)] * 4)
+    return mesh
+
+
+def _turned(flat: Mesh) -> Mesh:
+    """Return a mesh in the plane of x and y as one that looks along x, at the height of a sign."""
+    return Mesh([(z, x, y + _SIGN_M) for x, y, z in flat.vertices], flat.uvs, flat.triangles)
 
 
 def square_kerbs(half_m: float, margin_m: float, top_m: float, *, street_outside: bool) -> list[Kerb]:

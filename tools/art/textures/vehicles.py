@@ -18,7 +18,14 @@ __all__ = ["BOXES", "PLATES", "box_body", "glass", "plate", "reflection"]
 _REFLECTED = (
     (0.0, 0.36), (0.12, 0.45), (0.28, 0.78), (0.40, 0.60), (0.46, 1.0), (0.52, 0.86), (0.60, 1.0), (1.0, 1.0),
 )  # fmt: skip
-_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.34), (0.8, 0.14), (0.93, 0.03), (1.0, 0.03))  # share of the light that reflected shapes take
+_SHAPES = (
+    (0.0, 0.10),
+    (0.5, 0.16),
+    (0.6, 0.34),
+    (0.8, 0.14),
+    (0.93, 0.03),
+    (1.0, 0.03),
+)  # share of the light that reflected shapes take
 _SIDE_PX = 128
 _TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
 
@@ -69,8 +76,8 @@ def glass() -> NDArray[np.uint8]:
 def box_body(number: int) -> NDArray[np.uint8]:
     """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
 
-    0: white sheet in panels with seams and rivets, and a livery; 1: blue curtains with straps; 2: ribbed grey sheet with a
-    red field. All have streaks of dirt, and the reflecting tape of the lower edge; doors are of the same colour.
+    0: white sheet in panels with seams and rivets, and a livery; 1: blue curtains with straps; 2: ribbed grey sheet
+    with a red field. All have streaks of dirt, and the reflecting tape of the lower edge.
     """
     side, half = (128, 512), (128, 256)
     sheets = []
@@ -109,7 +116,8 @@ def box_body(number: int) -> NDArray[np.uint8]:
 
 
 _NAMES = (
-    ("TRANSPORT", (22, 126), (33, 66, 112)), ("PARCELS", (40, 150), (228, 226, 220)), ("MARKET", (40, 210), (232, 230, 226)),
+    ("TRANSPORT", (22, 126), (33, 66, 112)), ("PARCELS", (40, 150), (228, 226, 220)),
+    ("MARKET", (40, 210), (232, 230, 226)),
 )  # fmt: skip
 
 
