@@ -76,8 +76,8 @@ def glass() -> NDArray[np.uint8]:
 def box_body(number: int) -> NDArray[np.uint8]:
     """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
 
-    0: white sheet in panels with seams and rivets, and a livery; 1: blue curtains with straps; 2: ribbed grey sheet
-    with a red field. All have streaks of dirt, and the reflecting tape of the lower edge.
+    0: white sheet in panels with seams and rivets, and a livery; 1: blue curtains with straps; 2: ribbed sheet
+    with red bands. All have streaks of dirt, and the reflecting tape of the lower edge.
     """
     side, half = (128, 512), (128, 256)
     sheets = []
@@ -117,7 +117,7 @@ def box_body(number: int) -> NDArray[np.uint8]:
 
 _NAMES = (
     ("TRANSPORT", (22, 126), (33, 66, 112)), ("PARCELS", (40, 150), (228, 226, 220)),
-    ("MARKET", (40, 210), (232, 230, 226)),
+    ("MARKET", (30, 210), (130, 26, 24)),
 )  # fmt: skip
 
 
@@ -153,15 +153,13 @@ def _curtains(whole: Image, doors: Image, up: Image, along: Image) -> None:
     whole[buckle] = 0.62
 
 
-def _field(whole: Image, doors: Image, up: Image, along: Image) -> None:
-    """Paint a red field over the front two thirds, and a red band over the doors."""
+def _bands(whole: Image, doors: Image, up: Image, along: Image) -> None:
+    """Paint a wide and a narrow red band along the sides, and one over the doors."""
+    del along
     red = np.array((0.58, 0.11, 0.10))
-    field = (up[:, None] > 0.16) & (along[None, :] > 0.30 + 0.12 * up[:, None])
-    whole[field] = red * whole[field] / 0.8
-    whole[~field] *= 0.82
-    band = (up > 0.16) & (up < 0.42)
-    doors *= 0.82
-    doors[band] = red * doors[band] / 0.66
+    for sheet, low, high in ((whole, 0.16, 0.34), (whole, 0.38, 0.41), (doors, 0.16, 0.34)):
+        band = (up > low) & (up < high)
+        sheet[band] = red * sheet[band] / 0.8
 
 
-_PAINTERS = (_livery, _curtains, _field)
+_PAINTERS = (_livery, _curtains, _bands)
