@@ -430,7 +430,8 @@ class _Park:
         outer = square_kerbs(_STREET_M + 3.5, 12.0, _PAVEMENT_M, street_outside=False)
         kerbs = [*inner, *outer]
         park_cars(self.builder, self.rng("parked_cars"), kerbs, road, self.parameters.parked_cars)
-        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, self.parameters.street_objects)
+        count = self.parameters.street_objects
+        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, count, ways=Layout())
 
     @staticmethod
     def _in_lane(point: Point, lane_m: float) -> Point:

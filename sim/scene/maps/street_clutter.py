@@ -30,7 +30,8 @@ _BIN_PAINTS = {
 }  # fmt: skip
 _CONE_M = 0.52
 _SIGN_M = 2.22  # height of a sign's middle
-_FROM_KERB_M, _CLEAR_M = 0.36, 0.7
+_FROM_KERB_M, _CLEAR_M = 0.32, 0.7
+_PASS_M = 0.75  # from the middle of an object to the line that somebody walks on
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,17 @@ def park_cars(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], 
     return parked
 
 
-def add_clutter(builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], layout: Layout, count: int) -> None:
-    """Add `count` groups of small objects on the pavements, where they are free."""
+def add_clutter(
+    builder: MapBuilder, rng: RandomGenerator, kerbs: Sequence[Kerb], layout: Layout, count: int, *, ways: Layout
+) -> None:
+    """Add `count` groups of small objects on the pavements, where they are free and off the `ways` of people."""
     kinds: tuple[Callable[..., None], ...] = (_bins, _bins, _sign, _sign, _cabinet, _cones, _bollards)
     for _ in range(count):
         kerb, kind = rng.pick(kerbs), rng.pick(kinds)
         for _ in range(12):
             along = rng.between(1.5, kerb.length_m - 1.5)
             x, y = kerb.at(along, _FROM_KERB_M)
-            if layout.free(x, y, _CLEAR_M):
+            if layout.free(x, y, _CLEAR_M) and ways.free(x, y, _PASS_M):
                 layout.take_disc(x, y, _CLEAR_M)
                 kind(builder, rng, (x, y, kerb.top_m), kerb.heading_rad)
                 break
@@ -92,7 +95,7 @@ def _bins(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: floa
             f"bin_{colour}", surfaces.PLASTIC, rgb=_BIN_PAINTS[colour], specular=0.3, shininess=0.4
         )
         place = _along(at, heading_rad, 0.62 * (k - 0.5))
-        body = builder.body("bin", place, yaw_quat(heading_rad + rng.between(-0.25, 0.25)))
+        body = builder.body("bin", place, yaw_quat(heading_rad + rng.between(-0.12, 0.12)))
         drawn: tuple[tuple[str, Callable[[], Mesh], str], ...] = (
             ("drum", _wheelie, material), ("wheels", _bin_wheels, dark),
         )  # fmt: skip
@@ -117,10 +120,10 @@ def _sign(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: floa
 def _cabinet(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
     """Add a cabinet of a telephone line, 0.9 x 0.35 x 1.2 m."""
     grey = builder.material("cabinet", surfaces.PLASTIC, rgb=(0.52, 0.54, 0.50), specular=0.2, shininess=0.3)
-    body = builder.body("cabinet", at, yaw_quat(heading_rad))
+    body = _classed(builder, "cabinet", "furniture", at, heading_rad)
     high = rng.between(0.52, 0.62)
     body.geom("box", (0.45, 0.17, high), pos=(0.0, 0.0, high), material=grey, part="case")
-    body.geom("box", (0.47, 0.19, 0.02), pos=(0.0, 0.0, 0.02 + 2.0 * high), material=grey, solid=False, part="lid")
+    body.geom("box", (0.47, 0.19, 0.02), pos=(0.0, 0.0, 0.02 + 2.0 * high), material=grey, solid=False, part="cover")
 
 
 def _cones(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: float) -> None:
@@ -128,7 +131,7 @@ def _cones(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: flo
     orange = builder.material("cone_orange", surfaces.PLASTIC, rgb=(0.90, 0.28, 0.05), specular=0.2, shininess=0.3)
     white = builder.material("cone_white", surfaces.SIGN_SHEETING, rgb=(0.90, 0.90, 0.89), specular=0.1)
     for k in range(3):
-        body = builder.body("cone", _along(at, heading_rad, 0.55 * (k - 1), rng.between(-0.12, 0.12)))
+        body = _classed(builder, "cone", "barrier", _along(at, heading_rad, 0.55 * (k - 1), rng.between(-0.12, 0.12)))
         _add_drawn(builder, body, "traffic_cone", (("cone", _cone, orange), ("band", _cone_band, white)))
         body.proxy("cylinder", (0.09, 0.5 * _CONE_M), pos=(0.0, 0.0, 0.5 * _CONE_M), material=orange, part="proxy")
 
@@ -139,9 +142,15 @@ def _bollards(builder: MapBuilder, rng: RandomGenerator, at: Vec3, heading_rad: 
     white = builder.material("bollard_white", surfaces.SIGN_SHEETING, rgb=(0.88, 0.88, 0.87), specular=0.2)
     apart = rng.between(0.5, 0.65)
     for along in (-apart, apart):
-        body = builder.body("bollard", _along(at, heading_rad, along))
+        body = _classed(builder, "bollard", "pole", _along(at, heading_rad, along))
         body.geom("capsule", (0.055, 0.42), pos=(0.0, 0.0, 0.42), material=dark, part="post")
         body.geom("cylinder", (0.058, 0.05), pos=(0.0, 0.0, 0.70), material=white, solid=False, part="band")
+
+
+def _classed(builder: MapBuilder, name: str, class_name: str, at: Vec3, heading_rad: float = 0.0) -> Body:
+    """Add a body whose class has another name."""
+    builder.classify(class_name, f"{name}_*")
+    return builder.named_body(builder.next_name(name), at, yaw_quat(heading_rad))
 
 
 def _along(at: Vec3, heading_rad: float, along_m: float, left_m: float = 0.0) -> Vec3:

@@ -18,7 +18,7 @@ from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps.buildings import add_block
 from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
-from sim.scene.maps.layout import Point
+from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.objects.animals import add_birds, add_dog
@@ -64,6 +64,7 @@ class _Suburb(Suburb):
         super().__init__("urban_delivery", seed, parameters.season)
         self.parameters = parameters
         self.layout.take_disc(0.0, 0.0, 6.0)
+        self.ways = Layout()  # of people on the pavements
 
     def materials(self) -> None:
         """Add the materials of suburbs, and those of the depot and the drop zones."""
@@ -386,17 +387,24 @@ class _Suburb(Suburb):
                         x, y, _ = _turned(axis, begin, side * _STREET_M + lane * LANE_M)
                         heading = axis * QUARTER_TURN_RAD + (0.0 if lane > 0.0 else pi)
                         kerbs.append(Kerb(x, y, heading, high - low - 2.0 * _CORNER_M, KERB_M))
-        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, self.parameters.street_objects)
+        count = self.parameters.street_objects
+        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, count, ways=self.ways)
 
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
         heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * QUARTER_TURN_RAD
         add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=LAWN_M)
 
+    def way(self, rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:
+        """Draw a path on the pavements (`_way`), and note where it runs."""
+        path = _way(rng, number, speed_mps)
+        self.ways.take_band([(x, y) for _, x, y, _, _ in path.straights], 0.0, closed=True)
+        return path
+
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
         b, p, rng = self.builder, self.parameters, self.rng("people")
         for k in range(p.walkers):
-            add_walker(b, rng, _way(rng, k, (0.9, 1.5)), ground_m=KERB_M)
+            add_walker(b, rng, self.way(rng, k, (0.9, 1.5)), ground_m=KERB_M)
         for _ in range(p.standing_people):
             lot = rng.pick(self.lots)
             x, y = lot.at(rng.between(1.0, 4.0), rng.between(-3.0, 3.0))
@@ -406,9 +414,9 @@ class _Suburb(Suburb):
         children, wheels = self.rng("children"), self.rng("wheelchairs")
         for k in range(p.children):
             traits = PersonTraits(height_m=children.between(1.05, 1.40))
-            add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
+            add_walker(b, children, self.way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
         for k in range(p.wheelchairs):
-            add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
+            add_wheelchair_user(b, wheels, self.way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
         cyclists = self.rng("cyclists")
         for _ in range(p.cyclists):
             path = _round_the_block(cyclists.between(3.0, 6.0), cyclists.unit(), outwards_m=0.6)
