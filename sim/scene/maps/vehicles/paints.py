@@ -15,7 +15,7 @@ PAINTS = {
 # Shares of the paints of new cars, rounded: white, grey, black and silver are three quarters.
 _COMMON = ("white", "white", "grey", "grey", "black", "black", "silver", "silver", "blue", "blue", "red", "green")
 PLATES = 3
-BOXES = 3  # bodies of lorries: white sheet with a livery, curtains, ribbed sheet with bands
+BOXES = 3  # liveries of lorries
 # Clear coat: a refractive index of 1.5 to 1.55 mirrors 0.045 of the light head on, here 0.08 _COAT _GLOSS. With more
 # gloss, faces at grazing incidence below the sills would be brighter than the road.
 _COAT, _GLOSS = 0.8, 0.7
