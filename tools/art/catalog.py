@@ -50,10 +50,11 @@ def _textures() -> dict[str, Callable[[], bytes]]:
         made[f"facade_{style}_shops"] = partial(facade_tiles.ground, style, shops=True)
     for number in range(vehicles.PLATES):
         made[f"plate_{number}"] = partial(vehicles.plate, number)
+    for number in range(vehicles.BOXES):
+        made[f"vehicle_box_{number}"] = partial(vehicles.box_body, number)
     made |= {
         "paint_reflection": vehicles.reflection,
         "vehicle_glass": vehicles.glass,
-        "vehicle_box": vehicles.box_body,
         "stop_sign": stop_sign,
     }
     return {f"textures/{name}.png": partial(_png, make) for name, make in made.items()}

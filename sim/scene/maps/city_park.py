@@ -37,6 +37,7 @@ from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_pot
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
 from sim.scene.maps.season import Season
+from sim.scene.maps.street_clutter import CAR_M, add_clutter, park_cars, square_kerbs
 from sim.scene.maps.street_furniture import (
     SEAT_M,
     add_bench,
@@ -55,6 +56,7 @@ from sim.scene.scene_map import SceneMap
 _HALF_M = 46.0  # lawn
 _PLACE_M = 6.0  # radius of the paved place at the origin
 _PATH_HALF_M = 1.2
+_PAVEMENT_M = 0.12  # its top
 _STREET_M = 52.5  # middle of the street round the park
 
 
@@ -74,6 +76,8 @@ class CityParkParameters(StrictModel):
     cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     resting_people: Annotated[int, Field(ge=0, le=20)] = 3
     cars: Annotated[int, Field(ge=0, le=40)] = 3
+    parked_cars: Annotated[int, Field(ge=0, le=60)] = 5  # besides `cars`
+    street_objects: Annotated[int, Field(ge=0, le=60)] = 6  # groups: bins, cones, signs, cabinets, bollards
     hill_m: Annotated[float, Field(ge=0.0, le=8.0)] = 3.5
     season: Season = "summer"
 
@@ -85,6 +89,7 @@ class _Park:
         self.builder = MapBuilder("city_park")
         self.layout = Layout()
         self.bare: list[Point] = []  # where the grass is worn off
+        self.cars: list[Point] = []
         # Keeps 7 m round the origin free of anything above knee height.
         self.layout.take_disc(0.0, 0.0, 7.0)
 
@@ -198,6 +203,7 @@ class _Park:
             cars.unit(), cars.unit()  # drawn for looks once; places of later cars depend on them
             x, y = out * c - along * n, out * n + along * c
             add_vehicle(b, looks, looks.pick(STREET_MIX), (x, y, QUARTER_TURN_RAD * quarter))
+            self.cars.append((x, y))
 
     def street_details(self, road: Body) -> None:
         """Add kerb stones, manhole covers and puddles in the gutters."""
@@ -415,6 +421,18 @@ class _Park:
 
         scatter(3, 0.9, lambda x, y: add_birds(b, rng, (x, y, 0.0)))
 
+    def kerbside(self) -> None:
+        """Add rows of parked cars and small objects along the street, after all else, so that nothing else moves."""
+        road = Layout()
+        for x, y in self.cars:
+            road.take_disc(x, y, CAR_M)
+        inner = square_kerbs(_HALF_M + 3.0, 6.0, _PAVEMENT_M, street_outside=True)
+        outer = square_kerbs(_STREET_M + 3.5, 12.0, _PAVEMENT_M, street_outside=False)
+        kerbs = [*inner, *outer]
+        park_cars(self.builder, self.rng("parked_cars"), kerbs, road, self.parameters.parked_cars)
+        count = self.parameters.street_objects
+        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, count, ways=Layout())
+
     @staticmethod
     def _in_lane(point: Point, lane_m: float) -> Point:
         x, y = point
@@ -467,6 +485,7 @@ def generate(parameters: CityParkParameters, seed: int) -> SceneMap:
     park.plants()
     park.people()
     park.objects()
+    park.kerbside()
     park.lawn_details()
     park.builder.classify("ground", "ground")
     return park.builder.build()

@@ -18,7 +18,7 @@ from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps.buildings import add_block
 from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
-from sim.scene.maps.layout import Point
+from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.objects.animals import add_birds, add_dog
@@ -27,6 +27,7 @@ from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree
 from sim.scene.maps.season import Season
+from sim.scene.maps.street_clutter import Kerb, add_clutter
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp
 from sim.scene.maps.suburb import FRONT_M, KERB_M, LANE_M, LAWN_M, Lot, Suburb
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
@@ -37,6 +38,7 @@ from sim.scene.scene_map import SceneMap
 
 _STREET_M = 21.0  # distance of the middle of a street from the axes
 _EDGE_M = 60.0
+_CORNER_M = 4.0  # of a block, without small objects
 _INNER_M, _OUTER_M = _STREET_M - LANE_M, _STREET_M + LANE_M
 
 
@@ -53,6 +55,7 @@ class UrbanDeliveryParameters(StrictModel):
     wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
     cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
+    street_objects: Annotated[int, Field(ge=0, le=60)] = 16  # groups: bins, cones, signs, cabinets, bollards
     season: Season = "summer"
 
 
@@ -61,6 +64,7 @@ class _Suburb(Suburb):
         super().__init__("urban_delivery", seed, parameters.season)
         self.parameters = parameters
         self.layout.take_disc(0.0, 0.0, 6.0)
+        self.ways = Layout()  # of people on the pavements
 
     def materials(self) -> None:
         """Add the materials of suburbs, and those of the depot and the drop zones."""
@@ -369,15 +373,38 @@ class _Suburb(Suburb):
             heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, rng, "motorcycle", (x, y, heading))
 
+    def kerbside(self) -> None:
+        """Add small objects along the kerbs of the blocks of houses."""
+        kerbs = []
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                for lane in (-1.0, 1.0):
+                    for low, high in ((-_EDGE_M, -_OUTER_M), (-_INNER_M, _INNER_M), (_OUTER_M, _EDGE_M)):
+                        if lane == -side and low == -_INNER_M:
+                            continue  # the depot
+                        # The street is at the right of a kerb: that on the left of the street runs along it.
+                        begin = low + _CORNER_M if lane > 0.0 else high - _CORNER_M
+                        x, y, _ = _turned(axis, begin, side * _STREET_M + lane * LANE_M)
+                        heading = axis * QUARTER_TURN_RAD + (0.0 if lane > 0.0 else pi)
+                        kerbs.append(Kerb(x, y, heading, high - low - 2.0 * _CORNER_M, KERB_M))
+        count = self.parameters.street_objects
+        add_clutter(self.builder, self.rng("street_objects"), kerbs, self.layout, count, ways=self.ways)
+
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
         heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * QUARTER_TURN_RAD
         add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=LAWN_M)
+
+    def way(self, rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:
+        """Draw a path on the pavements (`_way`), and note where it runs."""
+        path = _way(rng, number, speed_mps)
+        self.ways.take_band([(x, y) for _, x, y, _, _ in path.straights], 0.0, closed=True)
+        return path
 
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
         b, p, rng = self.builder, self.parameters, self.rng("people")
         for k in range(p.walkers):
-            add_walker(b, rng, _way(rng, k, (0.9, 1.5)), ground_m=KERB_M)
+            add_walker(b, rng, self.way(rng, k, (0.9, 1.5)), ground_m=KERB_M)
         for _ in range(p.standing_people):
             lot = rng.pick(self.lots)
             x, y = lot.at(rng.between(1.0, 4.0), rng.between(-3.0, 3.0))
@@ -387,9 +414,9 @@ class _Suburb(Suburb):
         children, wheels = self.rng("children"), self.rng("wheelchairs")
         for k in range(p.children):
             traits = PersonTraits(height_m=children.between(1.05, 1.40))
-            add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
+            add_walker(b, children, self.way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
         for k in range(p.wheelchairs):
-            add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
+            add_wheelchair_user(b, wheels, self.way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
         cyclists = self.rng("cyclists")
         for _ in range(p.cyclists):
             path = _round_the_block(cyclists.between(3.0, 6.0), cyclists.unit(), outwards_m=0.6)
@@ -457,6 +484,7 @@ def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
     suburb.people()
     suburb.signs()
     suburb.objects()
+    suburb.kerbside()
     suburb.traffic()
     suburb.street_details()
     suburb.lawn_details()

@@ -1,4 +1,4 @@
-"""Mesh of a dog that stands: 0.58 m at the shoulder, 0.95 m long without its tail.
+"""Mesh of a dog that walks: 0.58 m at the shoulder, 0.95 m long without its tail.
 
 Trunk, neck, head, ears, legs and tail are tubes of oval section with texture coordinates. u runs round a tube, from the
 belly (0) over the back (1/2) to the belly (1); v runs along it within the part's range of `dog_coat.RANGES`.
@@ -20,62 +20,84 @@ Ring = tuple[Vec3, float, float]  # middle, half width across and half height (o
 
 # From the tail to the breast: a deep chest, and a belly that rises towards the thighs.
 _TRUNK: tuple[Ring, ...] = (
-    ((-0.425, 0.0, 0.505), 0.035, 0.040), ((-0.40, 0.0, 0.495), 0.078, 0.085), ((-0.33, 0.0, 0.488), 0.105, 0.112),
-    ((-0.20, 0.0, 0.485), 0.102, 0.104), ((-0.06, 0.0, 0.470), 0.108, 0.115), ((0.08, 0.0, 0.450), 0.118, 0.142),
-    ((0.20, 0.0, 0.442), 0.120, 0.162), ((0.29, 0.0, 0.470), 0.100, 0.135), ((0.345, 0.0, 0.500), 0.060, 0.080),
+    ((-0.345, 0.0, 0.505), 0.040, 0.045), ((-0.320, 0.0, 0.492), 0.086, 0.092), ((-0.250, 0.0, 0.476), 0.112, 0.118),
+    ((-0.140, 0.0, 0.464), 0.114, 0.124), ((-0.030, 0.0, 0.446), 0.120, 0.138), ((0.070, 0.0, 0.430), 0.130, 0.156),
+    ((0.165, 0.0, 0.424), 0.130, 0.164), ((0.240, 0.0, 0.445), 0.116, 0.140), ((0.295, 0.0, 0.475), 0.078, 0.092),
 )  # fmt: skip
 _NECK: tuple[Ring, ...] = (
-    ((0.22, 0.0, 0.520), 0.085, 0.110), ((0.31, 0.0, 0.605), 0.072, 0.092), ((0.385, 0.0, 0.690), 0.062, 0.074),
+    ((0.150, 0.0, 0.505), 0.112, 0.118), ((0.235, 0.0, 0.575), 0.100, 0.112), ((0.305, 0.0, 0.640), 0.088, 0.096),
+    ((0.350, 0.0, 0.680), 0.078, 0.082),
 )  # fmt: skip
 # Skull, stop and muzzle.
 _HEAD: tuple[Ring, ...] = (
-    ((0.340, 0.0, 0.705), 0.030, 0.036), ((0.365, 0.0, 0.720), 0.066, 0.066), ((0.415, 0.0, 0.738), 0.079, 0.074),
-    ((0.468, 0.0, 0.732), 0.068, 0.062), ((0.500, 0.0, 0.712), 0.046, 0.046), ((0.555, 0.0, 0.698), 0.040, 0.038),
-    ((0.600, 0.0, 0.692), 0.035, 0.032), ((0.622, 0.0, 0.690), 0.018, 0.018),
+    ((0.295, 0.0, 0.690), 0.044, 0.046), ((0.322, 0.0, 0.704), 0.080, 0.074), ((0.372, 0.0, 0.714), 0.090, 0.080),
+    ((0.422, 0.0, 0.704), 0.082, 0.072), ((0.455, 0.0, 0.684), 0.060, 0.056), ((0.510, 0.0, 0.668), 0.052, 0.047),
+    ((0.560, 0.0, 0.660), 0.046, 0.041), ((0.585, 0.0, 0.660), 0.026, 0.026),
 )  # fmt: skip
+# It hangs, with a brush of long hair.
 _TAIL: tuple[Ring, ...] = (
-    ((-0.40, 0.0, 0.525), 0.032, 0.034), ((-0.49, 0.0, 0.560), 0.034, 0.044), ((-0.59, 0.0, 0.640), 0.034, 0.050),
-    ((-0.665, 0.0, 0.735), 0.024, 0.036), ((-0.70, 0.0, 0.800), 0.007, 0.008),
+    ((-0.315, 0.0, 0.545), 0.036, 0.038), ((-0.385, 0.0, 0.540), 0.036, 0.048), ((-0.455, 0.0, 0.485), 0.038, 0.060),
+    ((-0.510, 0.0, 0.415), 0.036, 0.058), ((-0.560, 0.0, 0.370), 0.024, 0.036), ((-0.605, 0.0, 0.355), 0.006, 0.008),
 )  # fmt: skip
-# Of the left side. Shoulder, elbow, forearm, wrist, pastern; thigh, stifle, shank, hock, pastern.
-_EAR: tuple[Ring, ...] = (
-    ((0.395, 0.055, 0.792), 0.012, 0.026), ((0.402, 0.092, 0.765), 0.013, 0.046), ((0.412, 0.104, 0.705), 0.012, 0.046),
-    ((0.425, 0.100, 0.645), 0.007, 0.020),
-)  # fmt: skip
+# Of the left side: one that hangs, and one that stands up.
+_EARS: dict[str, tuple[Ring, ...]] = {
+    "ears_down": (
+        ((0.345, 0.058, 0.776), 0.014, 0.030), ((0.352, 0.096, 0.752), 0.015, 0.052),
+        ((0.362, 0.112, 0.690), 0.013, 0.054), ((0.375, 0.108, 0.630), 0.008, 0.024),
+    ),
+    "ears_up": (
+        ((0.335, 0.050, 0.760), 0.014, 0.044), ((0.338, 0.060, 0.800), 0.013, 0.042),
+        ((0.342, 0.069, 0.845), 0.010, 0.028), ((0.345, 0.073, 0.885), 0.004, 0.008),
+    ),
+}  # fmt: skip
+# Shoulder, elbow, forearm, wrist, pastern; thigh, stifle, shank, hock, pastern.
 _FRONT_LEG: tuple[Ring, ...] = (
-    ((0.190, 0.078, 0.470), 0.050, 0.090), ((0.182, 0.088, 0.350), 0.046, 0.070), ((0.166, 0.092, 0.280), 0.036, 0.046),
-    ((0.186, 0.092, 0.170), 0.028, 0.032), ((0.192, 0.092, 0.095), 0.028, 0.030), ((0.200, 0.092, 0.040), 0.025, 0.026),
+    ((0.170, 0.080, 0.460), 0.054, 0.094), ((0.160, 0.090, 0.350), 0.050, 0.074), ((0.148, 0.094, 0.280), 0.040, 0.050),
+    ((0.160, 0.094, 0.175), 0.032, 0.036), ((0.164, 0.094, 0.100), 0.031, 0.033), ((0.172, 0.094, 0.042), 0.029, 0.030),
 )  # fmt: skip
 _REAR_LEG: tuple[Ring, ...] = (
-    ((-0.31, 0.068, 0.49), 0.055, 0.115), ((-0.292, 0.09, 0.38), 0.058, 0.110), ((-0.272, 0.098, 0.285), 0.046, 0.074),
-    ((-0.325, 0.10, 0.21), 0.031, 0.042), ((-0.392, 0.10, 0.16), 0.025, 0.031), ((-0.390, 0.10, 0.09), 0.023, 0.026),
-    ((-0.378, 0.10, 0.04), 0.025, 0.026),
+    ((-0.245, 0.072, 0.48), 0.058, 0.112), ((-0.228, 0.092, 0.38), 0.062, 0.112), ((-0.212, 0.10, 0.285), 0.05, 0.078),
+    ((-0.262, 0.102, 0.21), 0.034, 0.046), ((-0.325, 0.102, 0.16), 0.028, 0.034), ((-0.322, 0.102, 0.09), 0.027, 0.030),
+    ((-0.312, 0.102, 0.042), 0.029, 0.030),
 )  # fmt: skip
+# How far each foot is moved forward as the dog walks: left and right.
+_FRONT_STEP_M, _REAR_STEP_M = (0.085, -0.075), (-0.080, 0.090)
 _PAW: tuple[Ring, ...] = (  # about the middle of a leg's last ring, on the ground
-    ((-0.032, 0.0, 0.026), 0.020, 0.018), ((0.0, 0.0, 0.030), 0.034, 0.030), ((0.045, 0.0, 0.025), 0.034, 0.024),
-    ((0.072, 0.0, 0.014), 0.018, 0.010),
+    ((-0.036, 0.0, 0.028), 0.024, 0.020), ((0.0, 0.0, 0.032), 0.040, 0.032), ((0.050, 0.0, 0.027), 0.040, 0.026),
+    ((0.080, 0.0, 0.015), 0.022, 0.011),
 )  # fmt: skip
 
 
 def dog() -> dict[str, Mesh]:
-    """Return the meshes of fur, of nose and eyes, and of the collar."""
-    fur, dark, collar = Mesh.empty(), Mesh.empty(), Mesh.empty()
+    """Return the meshes of fur, of each kind of ears, of nose and eyes, of the tongue, and of the collar."""
+    fur, dark, tongue, collar = Mesh.empty(), Mesh.empty(), Mesh.empty(), Mesh.empty()
     _add_oval_tube(fur, _TRUNK, RANGES["trunk"], 14)
     _add_oval_tube(fur, _NECK, RANGES["neck"], 12)
     _add_oval_tube(fur, _HEAD, RANGES["head"], 12)
     _add_oval_tube(fur, _TAIL, RANGES["tail"], 8)
+    ears = {name: Mesh.empty() for name in _EARS}
     for side in (1.0, -1.0):
-        _add_oval_tube(fur, _mirrored(_EAR, side), RANGES["ear"], 6)
-        for leg in (_FRONT_LEG, _REAR_LEG):
-            _add_oval_tube(fur, _mirrored(leg, side), RANGES["leg"], 8)
-            (x, y, _), _, _ = leg[-1]
+        for name, rings in _EARS.items():
+            _add_oval_tube(ears[name], _mirrored(rings, side), RANGES["ear"], 6)
+        for leg, (left_m, right_m) in ((_FRONT_LEG, _FRONT_STEP_M), (_REAR_LEG, _REAR_STEP_M)):
+            step = _stepping(leg, left_m if side > 0.0 else right_m)
+            _add_oval_tube(fur, _mirrored(step, side), RANGES["leg"], 8)
+            (x, y, _), _, _ = step[-1]
             paw = [((x + px, side * y, pz), half_y, half_z) for (px, _, pz), half_y, half_z in _PAW]
             _add_oval_tube(fur, paw, RANGES["paw"], 8)
-        add_ellipsoid(dark, (0.492, side * 0.040, 0.752), (0.011, 0.011, 0.011), rings=4, sides=6)
-    add_ellipsoid(dark, (0.628, 0.0, 0.704), (0.017, 0.022, 0.016), rings=4, sides=8)
-    add_tube(dark, [(0.545, 0.0, 0.664), (0.612, 0.0, 0.668)], (0.020, 0.018), 6)  # lips
-    add_tube(collar, [(0.308, 0.0, 0.612), (0.330, 0.0, 0.634)], 0.094, 12)
-    return {"fur": fur, "dark": dark, "collar": collar}
+        add_ellipsoid(dark, (0.452, side * 0.046, 0.722), (0.012, 0.012, 0.012), rings=4, sides=6)
+    add_ellipsoid(dark, (0.590, 0.0, 0.676), (0.018, 0.026, 0.018), rings=4, sides=8)
+    add_tube(dark, [(0.470, 0.0, 0.642), (0.550, 0.0, 0.630)], (0.034, 0.020), 8)  # lower jaw
+    add_ellipsoid(tongue, (0.548, 0.0, 0.630), (0.032, 0.022, 0.012), rings=4, sides=8)
+    add_ellipsoid(tongue, (0.574, 0.0, 0.610), (0.009, 0.020, 0.026), rings=4, sides=8)
+    add_tube(collar, [(0.258, 0.0, 0.598), (0.276, 0.0, 0.614)], 0.112, 12)
+    return {"fur": fur, **ears, "dark": dark, "tongue": tongue, "collar": collar}
+
+
+def _stepping(leg: Sequence[Ring], forward_m: float) -> list[Ring]:
+    """Return a leg whose foot is moved forward, and what is above it by the share of its depth below the leg's top."""
+    top, foot = leg[0][0][2], leg[-1][0][2]
+    return [((x + forward_m * (top - z) / (top - foot), y, z), half_y, half) for (x, y, z), half_y, half in leg]
 
 
 def _mirrored(rings: Sequence[Ring], side: float) -> list[Ring]:

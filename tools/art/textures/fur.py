@@ -68,28 +68,25 @@ def _golden() -> Image:
 
 
 def _black() -> Image:
-    """Return a black coat with a white breast, blaze and paws, and rusty legs and cheeks."""
-    white, rust = (0.86, 0.84, 0.80), (0.52, 0.33, 0.18)
-    image = _plain((0.16, 0.15, 0.15))
+    """Return a black coat with white muzzle, blaze, collar, breast, feet and tip of the tail, as of a collie."""
+    white = (0.84, 0.82, 0.78)
+    image = _plain((0.21, 0.20, 0.195))
     height = _height()
+    over(image, (0.30, 0.29, 0.285), 0.7 * step(0.80, 0.97, height + _uneven("shine", 0.3)))  # shine of the back
     trunk, along = _along("trunk")
-    over(image, white, trunk * step(0.62, 0.80, along) * step(0.55, 0.40, height + _uneven("breast", 0.2)))
-    neck, _ = _along("neck")
-    over(image, white, neck * step(0.42, 0.28, height))
+    over(image, white, trunk * step(0.66, 0.82, along) * step(0.62, 0.46, height + _uneven("breast", 0.2)))
+    over(image, white, trunk * step(0.30, 0.18, height + _uneven("belly", 0.15)))
+    neck, up = _along("neck")
+    over(image, white, neck * step(0.62, 0.46, height))
+    over(image, white, neck * step(0.30, 0.42, up) * step(0.92, 0.80, up + _uneven("ruff", 0.2)))
     head, nose = _along("head")
-    over(image, rust, head * step(0.45, 0.60, nose) * step(0.80, 0.65, height))
-    over(
-        image,
-        rust,
-        head * step(0.36, 0.42, nose) * step(0.52, 0.46, nose) * step(0.93, 0.86, height) * step(0.6, 0.7, height),
-    )
-    over(image, white, head * step(0.40, 0.55, nose) * step(0.86, 0.93, height))
-    over(image, white, head * step(0.80, 0.90, nose))
+    over(image, white, head * step(0.30, 0.50, nose) * step(0.84, 0.92, height))
+    over(image, white, head * step(0.58, 0.70, nose))
     leg, down = _along("leg")
-    over(image, rust, leg * step(0.38, 0.58, down + _uneven("leg", 0.25)))
-    over(image, white, np.maximum(_along("paw")[0], leg * step(0.86, 0.94, down)))
+    over(image, white, leg * step(0.58, 0.72, down + _uneven("leg", 0.2)))
+    over(image, white, _along("paw")[0])
     tail, out = _along("tail")
-    over(image, white, tail * step(0.78, 0.9, out))
+    over(image, white, tail * step(0.70, 0.82, out))
     return image
 
 

@@ -63,7 +63,7 @@ def _gravel() -> Image:
 
 def _asphalt_grain(name: str, size: Size, cells: int) -> Image:
     t = 0.18 * clouds(name, cells, cells, size) + 0.22 * clouds(f"{name}.mid", 9 * cells, 9 * cells, size)
-    return mix((0.215, 0.215, 0.22), (0.43, 0.425, 0.415), t + 0.6 * grain("asphalt", size))
+    return mix((0.25, 0.25, 0.255), (0.50, 0.495, 0.485), t + 0.6 * grain("asphalt", size))
 
 
 def _asphalt() -> Image:
@@ -101,7 +101,7 @@ def _street() -> Image:
         rows = _near(across, lane, 0.40)
         drip = step(0.30, 0.02, np.abs(across[rows] - lane - 0.12 * sway[rows]))
         image[:, rows] *= 1.0 - 0.12 * drip * oil[rows]
-    image = over(image, (0.41, 0.40, 0.37), 0.35 * step(0.5, 0.85, clouds("street.dust", 7, 14, size)))
+    image = over(image, (0.48, 0.47, 0.44), 0.35 * step(0.5, 0.85, clouds("street.dust", 7, 14, size)))
     # Patches of younger asphalt with a sealed edge: begin and end along and across [m].
     for a0, a1, c0, c1 in ((1.6, 4.3, 0.9, 2.6), (9.1, 12.9, 4.4, 5.5)):
         rows, columns = (
@@ -115,9 +115,9 @@ def _street() -> Image:
         over(
             patch,
             (0.25, 0.25, 0.252),
-            0.45 * step(-0.01, 0.02, edge) * (0.55 + 0.75 * grain("asphalt", size)[rows, columns]),
+            0.28 * step(-0.01, 0.02, edge) * (0.55 + 0.75 * grain("asphalt", size)[rows, columns]),
         )
-        over(patch, (0.16, 0.16, 0.162), 0.6 * step(0.05, 0.02, np.abs(edge)))
+        over(patch, (0.18, 0.18, 0.182), 0.4 * step(0.05, 0.02, np.abs(edge)))
     seal = cracks("street.seal", 3, size, 0.006)
     image = over(
         image, (0.13, 0.13, 0.135), 0.75 * step(0.2, 0.6, seal) * step(0.45, 0.6, clouds("street.where", 3, 4, size))

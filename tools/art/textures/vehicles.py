@@ -6,19 +6,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.maps.texture_tools import Image, clouds
-from sim.scene.maps.vehicles.paints import PLATES
+from sim.scene.maps.vehicles.paints import BOXES, PLATES
 from tools.art.textures.dot_font import write
 from tools.art.textures.layers import step
 from tools.art.vehicles.lofts import at_knots
 
-__all__ = ["PLATES", "box_body", "glass", "plate", "reflection"]
+__all__ = ["BOXES", "PLATES", "box_body", "glass", "plate", "reflection"]
 
 # Brightness of what the paint of an upright side reflects, by the share of the height: the shade below the car, the
 # road, what stands along it, and from the shoulder on the sky.
 _REFLECTED = (
     (0.0, 0.36), (0.12, 0.45), (0.28, 0.78), (0.40, 0.60), (0.46, 1.0), (0.52, 0.86), (0.60, 1.0), (1.0, 1.0),
 )  # fmt: skip
-_SHAPES = ((0.0, 0.10), (0.5, 0.16), (0.6, 0.40), (1.0, 0.40))  # share of the light that reflected shapes take
+_SHAPES = (
+    (0.0, 0.10),
+    (0.5, 0.16),
+    (0.6, 0.34),
+    (0.8, 0.14),
+    (0.93, 0.03),
+    (1.0, 0.03),
+)  # share of the light that reflected shapes take
 _SIDE_PX = 128
 _TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
 
@@ -52,7 +59,7 @@ def glass() -> NDArray[np.uint8]:
     u, v = np.broadcast_to(u, (64, 128)), np.broadcast_to(v[:, None], (64, 128))
     halves = []
     for seats, dashboard in (((0.28, 0.72), 0.16), ((0.38,), 0.0)):
-        image = np.stack([20.0 + 44.0 * v * v, 23.0 + 52.0 * v * v, 27.0 + 60.0 * v * v], axis=-1)
+        image = np.stack([16.0 + 26.0 * v * v, 18.0 + 29.0 * v * v, 20.0 + 32.0 * v * v], axis=-1)
         for seat in seats:
             wide = 0.06 if dashboard else 0.12
             head = (np.abs(u - seat) < wide) & (np.abs(v - 0.56) < 0.13)
@@ -66,10 +73,19 @@ def glass() -> NDArray[np.uint8]:
     return image.astype(np.uint8)
 
 
-def box_body() -> NDArray[np.uint8]:
+# Liveries of lorries: name, its row and column, its colour, and those of the wide band and of the narrow one.
+_LIVERIES = (
+    ("TRANSPORT", (22, 126), (33, 66, 112), (0.13, 0.26, 0.44), (0.85, 0.45, 0.14)),
+    ("PARCELS", (22, 150), (22, 84, 60), (0.10, 0.36, 0.26), (0.90, 0.70, 0.15)),
+    ("MARKET", (22, 170), (140, 28, 26), (0.58, 0.11, 0.10), (0.36, 0.36, 0.38)),
+)
+
+
+def box_body(number: int) -> NDArray[np.uint8]:
     """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
 
-    White sheet in panels with seams and rivets, streaks of dirt, a livery, and the reflecting tape of the lower edge.
+    White sheet in panels with seams and rivets, streaks of dirt, a livery of two bands, and the reflecting tape of the
+    lower edge. Bodies all of one dark colour were found less often by networks trained on photographs.
     """
     side, half = (128, 512), (128, 256)
     sheets = []
@@ -83,13 +99,16 @@ def box_body() -> NDArray[np.uint8]:
         light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
         seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
         light = np.where(seam, 0.46, light)
+        if name == "roof":  # weathered
+            light = (0.92 - 0.12 * clouds("lorry.weather", 7, 9, size)) * light
         sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
     whole, doors, roof = sheets
     up = 1.0 - (np.arange(128) + 0.5) / 128.0
     along = (np.arange(512) + 0.5) / 512.0
-    # A blue band and an orange one that rise towards the cab, and the name above them.
+    # A wide band and a narrow one that rise towards the cab, and the name above them.
+    text, place_px, text_rgb, wide, narrow = _LIVERIES[number]
     rise = up[:, None] - 0.10 * np.maximum(0.0, 1.0 - 2.4 * along[None, :])
-    for low, high, rgb in ((0.20, 0.40, (0.13, 0.26, 0.44)), (0.42, 0.47, (0.85, 0.45, 0.14))):
+    for low, high, rgb in ((0.20, 0.40, wide), (0.42, 0.47, narrow)):
         inside = (rise > low) & (rise < high)
         whole[inside] = np.array(rgb) * (whole[inside] / 0.8)
     tape = (up > 0.02) & (up < 0.055)
@@ -101,5 +120,5 @@ def box_body() -> NDArray[np.uint8]:
         sheet[up > 0.965] *= 0.72  # shade of the upper rail
     image = np.concatenate([whole, np.concatenate([doors, roof], axis=1)]) * 255.0 + 0.5
     pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)
-    write(pixels, "TRANSPORT", (22, 126), (5, 4), 29, (33, 66, 112))
+    write(pixels, text, place_px, (5, 4), 29, text_rgb)
     return pixels

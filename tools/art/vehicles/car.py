@@ -17,9 +17,7 @@ _TYRE_M = 0.21  # width
 _VAN_M = 1.9  # cars are lower
 
 
-def car_parts(
-    shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True, glass_roof: bool = False
-) -> Parts:
+def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
@@ -38,8 +36,6 @@ def car_parts(
     _add_roof(parts["trim"], cabin)
     if shape.height_m > _VAN_M:
         _add_van_sides(parts["trim"], body)
-    elif glass_roof:
-        _add_glass_roof(parts["glass"], cabin)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
@@ -225,17 +221,6 @@ def _add_roof(trim: Mesh, cabin: Greenhouse) -> None:
         add_tube(trim, line, 0.009, 4)
     x = s.roof[0][0] + 0.18
     add_tube(trim, [cabin.roof_point(x, 0.0, -0.01), (x - 0.07, 0.0, s.height_m + 0.03)], (0.02, 0.008), 4)
-
-
-def _add_glass_roof(glass: Mesh, cabin: Greenhouse) -> None:
-    """Add a pane over the front of the roof, dark as the panes' texture is between the seats."""
-    s = cabin.shape
-    front = s.roof[-1][0] - 0.14
-    xs = [mix(front, front - 0.42 * (front - s.roof[0][0]), k / 3) for k in range(4)]
-    shares = (-0.62, -0.24, 0.24, 0.62)
-    first = len(glass.uvs)
-    add_sheet(glass, [[cabin.roof_point(x, share, 0.010) for x in xs] for share in shares], flipped=True)
-    glass.uvs[first:] = [(0.74 + 0.2 * u, 0.28 + 0.18 * v) for u, v in glass.uvs[first:]]
 
 
 def _add_van_sides(trim: Mesh, body: LowerBody) -> None:

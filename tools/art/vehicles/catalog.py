@@ -38,7 +38,7 @@ def _made(pieces: dict[str, Parts], proxies: list[Proxy], **facts: object) -> Ma
 
 
 def _parked(shape: CarShape, spokes: int, driver: bool) -> Made:
-    parts = car_parts(shape, spokes=spokes, driver=driver, glass_roof=spokes > 5)
+    parts = car_parts(shape, spokes=spokes, driver=driver)
     return _made({"body": parts}, car_proxies(shape), **_sizes(shape))
 
 

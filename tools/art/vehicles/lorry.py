@@ -52,7 +52,9 @@ def lorry_parts() -> Parts:
             [(x, side * y, z) for x in ((front, 2.72) if side > 0 else (2.72, front))]
             for (y, z), front in zip(rows, fronts, strict=True)
         ]
+        first = len(glass.uvs)
         add_sheet(glass, pane)
+        glass.uvs[first:] = [(u, 0.5 * v) for u, v in glass.uvs[first:]]  # the side window of the texture
         for x in (2.62, 3.80):
             add_side_sheet(trim, x, x + 0.022, 0.80, 1.48, side * (_CAB + 0.004))
         add_side_sheet(trim, 2.62, 3.82, 0.78, 0.80, side * (_CAB + 0.004))
@@ -106,18 +108,22 @@ def _add_ends(parts: Parts) -> None:
     def bowed(x: float, z: float) -> list[tuple[float, float, float]]:
         return [(x - 0.05 * (y / _CAB) * (y / _CAB) + 0.012, y, z) for y in ys]
 
+    first = len(glass.uvs)
     add_sheet(glass, [bowed(3.96, 1.50), bowed(3.86, 1.925), bowed(3.765, 2.33)])
+    glass.uvs[first:] = [(u, 0.5 + 0.5 * v) for u, v in glass.uvs[first:]]  # the windscreen of the texture
     add_sheet(trim, [bowed(3.97, 1.40), bowed(3.96, 1.50)])
-    add_end_sheet(trim, 3.992, 3.992, -0.74, 0.74, 0.62, 1.30, 1.0)
-    for z in (0.72, 0.87, 1.02, 1.17):
-        add_end_sheet(rim, 4.0, 4.0, -0.70, 0.70, z, z + 0.03, 1.0)
+    add_end_sheet(trim, 3.992, 3.992, -0.66, 0.66, 0.68, 1.20, 1.0)
+    for z in (0.76, 0.88, 1.00, 1.12):
+        add_end_sheet(rim, 4.0, 4.0, -0.62, 0.62, z, z + 0.03, 1.0)
+    add_end_sheet(rim, 3.996, 3.996, -0.075, 0.075, 1.25, 1.34, 1.0)  # badge
     # Visor above the windscreen, wipers, and lamps on the roof.
     add_box(trim, (3.66, -0.98, 2.36), (3.90, 0.98, 2.44))
     for y in (-0.55, 0.25):
         add_tube(trim, [(3.985, y, 1.49), (3.915, y + 0.42, 1.80)], 0.012, 4)
     for y in (-0.85, -0.45, 0.45, 0.85):
         add_end_sheet(parts["lit"], 3.905, 3.905, y - 0.07, y + 0.07, 2.375, 2.425, 1.0)
-    add_box(trim, (3.75, -1.12, 0.36), (4.0, 1.12, 0.56))
+    add_box(parts["paint"], (3.75, -1.14, 0.36), (4.0, 1.14, 0.60))  # bumper
+    add_end_sheet(trim, 4.003, 4.003, -0.62, 0.62, 0.39, 0.54, 1.0)
     add_plate(parts["plate"], (4.006, 0.0, 0.46), 1.0)
     # Doors of the box: a seam and two bars.
     add_end_sheet(trim, -4.004, -4.004, -0.012, 0.012, 1.08, 3.24, -1.0)

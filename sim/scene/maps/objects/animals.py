@@ -8,7 +8,7 @@ from sim.scene import surfaces
 from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.models import model
-from sim.scene.maps.objects.dog_coat import COATS
+from sim.scene.maps.objects.dog_coat import COATS, EARS_UP
 from sim.scene.random_generator import RandomGenerator
 
 _FEATHERS = {
@@ -43,14 +43,19 @@ def add_bird(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad:
 
 
 def add_dog(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad: float) -> None:
-    """Add a dog that stands: 0.58 m at the shoulder, 0.95 m long without its tail."""
+    """Add a dog in mid-step: 0.58 m at the shoulder, 0.95 m long without its tail."""
     coat = rng.pick(COATS)
     fur = builder.texture(f"fur_{coat}", textures.png(f"fur_{coat}"))
     builder.material(f"fur_{coat}", surfaces.CLOTH, texture=fur, specular=0.0)
     builder.material("dog_dark", surfaces.SKIN, rgb=(0.07, 0.06, 0.06), specular=0.2)
-    builder.material("dog_collar", surfaces.CLOTH, rgb=(0.62, 0.06, 0.06))
+    builder.material("dog_tongue", surfaces.SKIN, rgb=(0.78, 0.36, 0.38), specular=0.1)
+    builder.material("dog_collar", surfaces.CLOTH, rgb=(0.24, 0.12, 0.07))
     body = builder.body("dog", at_m, yaw_quat(heading_rad))
-    for part, material in (("fur", f"fur_{coat}"), ("dark", "dog_dark"), ("collar", "dog_collar")):
+    ears = "ears_up" if coat in EARS_UP else "ears_down"
+    for part, material in (
+        ("fur", f"fur_{coat}"), (ears, f"fur_{coat}"), ("dark", "dog_dark"), ("tongue", "dog_tongue"),
+        ("collar", "dog_collar"),
+    ):  # fmt: skip
         asset = builder.mesh(f"dog_{part}", model("objects/dog").mesh(part))
         body.geom("mesh", asset=asset, material=material, solid=False, part=part)
     for i, (size, pos) in enumerate(

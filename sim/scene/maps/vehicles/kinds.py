@@ -12,7 +12,7 @@ from sim.scene import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.model import Model
 from sim.scene.maps.models import model
-from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, vehicle_materials
+from sim.scene.maps.vehicles.paints import BOXES, PLATES, draw_paint, paint_material, vehicle_materials
 from sim.scene.random_generator import RandomGenerator
 
 # Materials of our vehicles: meshes with these names look alike on all.
@@ -140,6 +140,8 @@ def part_material(builder: MapBuilder, part: str, paint: str, plate: int) -> str
         return paint_material(builder, paint)
     if part == "plate":
         return f"vehicle_plate_{plate}"
+    if part == "box":
+        return f"vehicle_box_{(plate + len(paint)) % BOXES}"
     if part == "cloth":
         shirt = tuple(_SHIRTS)[(plate + len(paint)) % len(_SHIRTS)]
         return builder.material(f"driver_{shirt}", surfaces.CLOTH, rgb=_SHIRTS[shirt], specular=0.0)
