@@ -19,7 +19,7 @@ make_client_importable()
 
 from hil_companion.detect.decode import Detection  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
-from hil_companion.detect.model_file import ModelFile, all_anchors_px  # noqa: E402
+from hil_companion.detect.model_file import FAST, ModelFile, all_anchors_px  # noqa: E402
 from hil_companion.errors import CompanionError  # noqa: E402
 
 from hil.apps.detect.data_sets import DataSetSeries, make_data_sets  # noqa: E402
@@ -118,9 +118,9 @@ def box_differences(
     return difference_px, unmatched, compared
 
 
-def load_model() -> ModelFile:
-    """Load the shipped model. Raises RecordingError if it is missing."""
+def load_model(name: str = FAST) -> ModelFile:
+    """Load a shipped model. Raises RecordingError if it is missing."""
     try:
-        return ModelFile.load(None)
+        return ModelFile.load(name)
     except CompanionError as error:
         raise RecordingError(str(error)) from None

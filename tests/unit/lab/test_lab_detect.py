@@ -46,6 +46,6 @@ def test_missing_measurements_are_rows_with_a_note(tmp_path: Path) -> None:
 
 
 def test_missing_weights_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(model_file, "SHIPPED", tmp_path / "none.onnx")
+    monkeypatch.setitem(model_file.SHIPPED, model_file.FAST, tmp_path / "none.onnx")
     with pytest.raises(RecordingError, match=r"none\.onnx"):
         load_model()

@@ -14,7 +14,7 @@ from hil.cli.options import QuietOption
 
 def evaluate(
     data_sets: DataSets,
-    weights: Annotated[Path | None, typer.Option(help="A .onnx with its .json; default the shipped model.")] = None,
+    weights: Annotated[Path | None, typer.Option(help="fast, good or a .onnx with its .json; default fast.")] = None,
     part: Annotated[str, typer.Option(help="Part of the pictures: train, validation, test or all.")] = "test",
     backend: Annotated[str, typer.Option(help="opencv, onnxruntime or pytorch.")] = "opencv",
     threshold: Annotated[

@@ -17,7 +17,9 @@ import numpy as np
 
 from hil_companion.errors import OptionError
 
-SHIPPED = Path(__file__).resolve().parent / "weights" / "hil_ssdlite.onnx"
+_WEIGHTS = Path(__file__).resolve().parent / "weights"
+FAST, GOOD = "fast", "good"
+SHIPPED = {FAST: _WEIGHTS / "hil_ssdlite.onnx", GOOD: _WEIGHTS / "hil_ssdlite_good.onnx"}  # MODEL_CARD.md
 FORMAT = 1
 
 
@@ -96,10 +98,14 @@ class ModelFile:
 
     @classmethod
     def load(cls, path: str | Path | None = None) -> ModelFile:
-        """Read a model's description and check its digest; None: the shipped model. Raises OptionError."""
-        onnx = SHIPPED if path is None else Path(path)
+        """Read a model's description and check its digest. Raises OptionError.
+
+        `path`: a .onnx file or the name of a shipped model; None: the fast one.
+        """
+        onnx = SHIPPED[FAST] if path is None else SHIPPED.get(str(path), Path(path))
         if onnx.suffix != ".onnx":
-            raise OptionError(f"{onnx}: weights are a .onnx file with its .json beside it")
+            names = " or ".join(SHIPPED)
+            raise OptionError(f"{path}: weights are {names}, or a .onnx file with its .json beside it")
         description = onnx.with_suffix(".json")
         texts = {}
         for file in (onnx, description):

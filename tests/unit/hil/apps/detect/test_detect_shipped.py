@@ -16,6 +16,8 @@ from hil_companion.detect.backends import BACKENDS, open_backend  # noqa: E402
 from hil_companion.detect.decode import decode, overlaps  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import (  # noqa: E402
+    FAST,
+    GOOD,
     SHIPPED,
     ModelFile,
     all_anchors_px,
@@ -28,9 +30,17 @@ PEOPLE = ((253.0, 70.0, 266.0, 92.0), (43.0, 69.0, 58.0, 92.0), (217.0, 50.0, 22
 LEAST = 0.3
 
 
+INPUT_PX = {FAST: (320, 240), GOOD: (448, 336)}
+
+
+@pytest.fixture(scope="module", params=SHIPPED)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture(scope="module")
-def model() -> ModelFile:
-    return ModelFile.load()
+def model(name: str) -> ModelFile:
+    return ModelFile.load(name)
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +50,19 @@ def rgb() -> np.ndarray:
     return np.ascontiguousarray(bgr[:, :, ::-1])
 
 
-def test_the_files_are_small_and_belong_together(model: ModelFile) -> None:
-    assert SHIPPED.stat().st_size <= 12e6
-    assert model.input_px == (320, 240)
+def test_the_files_are_small_and_belong_together(name: str, model: ModelFile) -> None:
+    assert model.path.stat().st_size <= 12e6
+    assert model.input_px == INPUT_PX[name]
     assert "person" in model.classes
     assert model.classes == tuple(sorted(model.classes))
-    card = (SHIPPED.parents[1] / "MODEL_CARD.md").read_text()
+    card = (model.path.parents[1] / "MODEL_CARD.md").read_text()
     assert model.sha256 in card
+
+
+def test_the_fast_model_is_the_one_without_a_name() -> None:
+    assert ModelFile.load().path == ModelFile.load(FAST).path == SHIPPED[FAST]
+    with pytest.raises(OptionError, match=r"best: weights are fast or good, or a \.onnx file"):
+        ModelFile.load("best")
 
 
 def test_no_file_says_where_it_was_made(model: ModelFile) -> None:
