@@ -1,7 +1,15 @@
 """Partition of the tracks of a whole flight into objects: the likeliest one that a search of pairs and moves finds.
 
     score = sum over the objects of [ ln ratio of appearance of all its tracks
-            + sum over neighbours in time of their transit + (number of tracks - 1) `_PRIOR` ]
+            + sum over neighbours in time of their transit + (number of tracks - 1) prior ]
+
+The prior counts how often everybody is seen: one more object is somebody of whom nothing was seen in all the time in
+which the others were. Of all distributions of the number of tracks with a mean of m the geometric one says least, and
+
+    prior = -ln p(0) = ln (1 + m)
+
+so two objects, of which one is never seen while the other is, are one rather after three rounds than after one look. m
+is the length of the chains below, mean over tracks, with `_PRIOR`; the search begins with those of the prior.
 
 Two tracks in more than one picture are two objects, and so are two of which the later one is out of reach of the
 earlier one. With the appearance of neighbours in time alone, the best partition is a path cover with the least cost,
@@ -26,7 +34,7 @@ from hil_companion.locate.appearance import Appearance, appearance_ratio
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_PRIOR = 1.0  # ln of the odds that two tracks are of one object, before anything is known: a survey sees each one often
+_PRIOR = 1.0  # ln of the odds that two tracks are of one object, before it is known how often a survey sees each one
 _SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
 _ROUNDS = 200
@@ -44,10 +52,13 @@ class Partition:
         self._scores: dict[Members, float] = {}
         self._links: dict[tuple[int, int], float] = {}
         self._tracks: dict[int, Track] = {}
+        self._prior = _PRIOR
 
     def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
         """Return the tracks of each object in the order of time; objects by their first track."""
         self._forget(tracks)
+        self._prior = _PRIOR
+        self._prior = prior_of([len(chain) for chain in self._chains()])
         groups = self._joined(self._chains())
         for _ in range(_ROUNDS):
             better = self._moved(groups)
@@ -86,10 +97,10 @@ class Partition:
         """Return what it gains that b is a's successor."""
         pair = (a.number, b.number)
         if pair not in self._links:
-            transit = self._transit(a, b) + _PRIOR
+            transit = self._transit(a, b)
             alike = 0.0 if transit == -math.inf else appearance_ratio([self._appears(n) for n in pair])
             self._links[pair] = transit + alike
-        return self._links[pair]
+        return self._links[pair] + self._prior
 
     def _chains(self) -> list[Members]:
         """Return the groups of the best path cover."""
@@ -115,11 +126,12 @@ class Partition:
         known = self._scores.get(group)
         if known is None:
             known = self._scores[group] = self._score(group)
-        return known
+        return known + self._prior * (len(group) - 1)
 
     def _score(self, group: Members) -> float:
+        """Return the score without the prior."""
         ordered = self._ordered(group)
-        total = _PRIOR * (len(ordered) - 1)
+        total = 0.0
         for a, b in zip(ordered, ordered[1:]):
             total += self._transit(a, b)
         if total == -math.inf:
@@ -191,3 +203,8 @@ class Partition:
             late_a, late_b = (frozenset(n for n in g if self._tracks[n].first_ns >= t_ns) for g in (a, b))
             pairs.append(((a - late_a) | late_b, (b - late_b) | late_a))
         return pairs
+
+
+def prior_of(chains: Sequence[int]) -> float:
+    """Return what one more object costs, by the numbers of tracks of all chains."""
+    return math.log1p(sum(n * n for n in chains) / max(1, sum(chains)))

@@ -19,7 +19,7 @@ make_client_importable()
 from hil_companion.locate.appearance import Appearance, appearance_ratio  # noqa: E402
 from hil_companion.locate.existence import Evidence, Evidences, sighting_evidence  # noqa: E402
 from hil_companion.locate.objects import Objects  # noqa: E402
-from hil_companion.locate.partition import Partition  # noqa: E402
+from hil_companion.locate.partition import Partition, prior_of  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
 from hil_companion.locate.transit import transit_ratio  # noqa: E402
 
@@ -360,6 +360,15 @@ def test_the_chains_are_the_best_path_cover() -> None:
 
         best = max(gain(groups) for groups in partitions([t.number for t in ordered]))
         assert gain(chains) == pytest.approx(best)
+
+
+def test_one_more_object_costs_the_more_the_oftener_everybody_is_seen() -> None:
+    from scipy.stats import geom
+
+    assert prior_of([]) == 0.0
+    for length in (1, 3, 12):  # scipy's geometric distribution counts from one
+        assert prior_of([length] * 4) == pytest.approx(-geom.logpmf(1, 1.0 / (1.0 + length)))
+    assert prior_of([1, 9]) == pytest.approx(math.log(1.0 + 8.2))  # 9 of 10 tracks are in a chain of nine
 
 
 def partitions(numbers: list[int]) -> list[list[list[int]]]:
