@@ -1,7 +1,7 @@
 """Rhythm of a survey: how often it sees everybody again, and what that says of two tracks.
 
-A survey that comes round sees everybody again after about the same time, the revisit time tau: the median of the gaps
-between tracks that certainly follow each other. So two neighbours in time of one object, with a gap of u = gap / tau,
+A survey that comes round sees everybody again after about the same time, the revisit time tau: the median gap between
+neighbours in the best chains of tracks. So two neighbours in time of one object, with a gap of u = gap / tau,
 and an object that is not seen before its first track, or after its last one, for u,
 
     link(u) = `_ON_TIME`                                if the gap is usual
@@ -14,7 +14,9 @@ end of the flight, and b until its begin:
 
     ratio(a, b) = link(u_ab) + lost(u from the end of a on) + lost(u until the begin of b)
 
-The constants are those of 1260 gaps of true people on the maps for tuning.
+Of 1260 gaps of true people on the maps for tuning, the median is 8 s, 5 % are below 5 s, 10 % above 20 s and 5 % above
+29 s. `_MISSED` and `_GONE` are milder than these gaps say, and were chosen by the number of errors there, because the other
+ratios are surer than they should be.
 """
 
 from __future__ import annotations
