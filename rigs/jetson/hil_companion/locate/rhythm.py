@@ -15,8 +15,8 @@ end of the flight, and b until its begin:
     ratio(a, b) = link(u_ab) + lost(u from the end of a on) + lost(u until the begin of b)
 
 Of 1260 gaps of true people on the maps for tuning, the median is 8 s, 5 % are below 5 s, 10 % above 20 s and 5 % above
-29 s. `_MISSED` and `_GONE` are milder than these gaps say, and were chosen by the number of errors there, because the other
-ratios are surer than they should be.
+29 s. `_MISSED` and `_GONE` are milder than these gaps say, and were chosen by the number of errors there, because the
+other ratios are surer than they should be.
 """
 
 from __future__ import annotations
