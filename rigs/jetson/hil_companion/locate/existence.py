@@ -177,6 +177,11 @@ class Evidences:
         total.middles_m = [*self.middles_m, *other.middles_m]
         return total
 
+    @property
+    def seated_more(self) -> float:
+        """Return how much more the boxes say for a sitter than for somebody upright; 0 if less."""
+        return max(0.0, self.seated - self.upright) / (1.0 + _CORRELATION * (self.count - 1))
+
     def odds(self, hits: int = 0, misses: int = 0, *, in_view: float = 0.0, still: bool = True) -> float:
         """Return the log-odds of the object; it is reported from 0 on.
 

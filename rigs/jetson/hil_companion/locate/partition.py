@@ -1,7 +1,14 @@
 """Partition of the tracks of a whole flight into objects: the likeliest one that a search of pairs and moves finds.
 
     score = sum over the objects of [ ln ratio of appearance of all its tracks
-            + sum over neighbours in time of their transit + (number of tracks - 1) `_PRIOR` ]
+            + sum over neighbours in time of their transit and their prior + posture ]
+
+The prior of two neighbours is the `rhythm` of the survey, which sees everybody again after about the same time. It is
+that of the best chains below with `_PRIOR`; until there are enough of them, `_PRIOR` is all that is known.
+
+Who was at two places does not sit, so there the boxes are of somebody upright, or of nobody. An object that is at two
+places loses what its boxes say more for a sitter than for somebody upright, the posture; boxes of one object are not
+independent (`existence`).
 
 Two tracks in more than one picture are two objects, and so are two of which the later one is out of reach of the
 earlier one. With the appearance of neighbours in time alone, the best partition is a path cover with the least cost,
@@ -23,13 +30,16 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from hil_companion.locate.appearance import Appearance, appearance_ratio
+from hil_companion.locate.existence import Evidences
+from hil_companion.locate.rhythm import Rhythm
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_PRIOR = 1.0  # ln of the odds that two tracks are of one object, before anything is known: a survey sees each one often
+_PRIOR = 1.0  # ln of the odds that two tracks are of one object, before it is known how often a survey sees each one
 _SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
 _ROUNDS = 200
+_ONE_PLACE_M = 1.5
 
 Members = FrozenSet[int]  # numbers of tracks
 
@@ -44,10 +54,13 @@ class Partition:
         self._scores: dict[Members, float] = {}
         self._links: dict[tuple[int, int], float] = {}
         self._tracks: dict[int, Track] = {}
+        self._rhythm = Rhythm([], 0.0, 0.0)
 
     def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
         """Return the tracks of each object in the order of time; objects by their first track."""
         self._forget(tracks)
+        self._rhythm = Rhythm([], 0.0, 0.0)
+        self._rhythm = self._rhythm_of(self._chains())
         groups = self._joined(self._chains())
         for _ in range(_ROUNDS):
             better = self._moved(groups)
@@ -86,10 +99,22 @@ class Partition:
         """Return what it gains that b is a's successor."""
         pair = (a.number, b.number)
         if pair not in self._links:
-            transit = self._transit(a, b) + _PRIOR
+            transit = self._transit(a, b)
             alike = 0.0 if transit == -math.inf else appearance_ratio([self._appears(n) for n in pair])
             self._links[pair] = transit + alike
-        return self._links[pair]
+        return self._links[pair] + self._prior(a, b)
+
+    def _prior(self, a: Track, b: Track) -> float:
+        """Return the ln of the odds that b is a's successor, before their places and looks are known."""
+        return self._rhythm.ratio(a.t_ns * 1e-9, b.first_ns * 1e-9) if self._rhythm.known else _PRIOR
+
+    def _rhythm_of(self, chains: Sequence[Members]) -> Rhythm:
+        if not self._tracks:
+            return Rhythm([], 0.0, 0.0)
+        ordered = [self._ordered(chain) for chain in chains]
+        gaps_s = [(b.first_ns - a.t_ns) * 1e-9 for chain in ordered for a, b in zip(chain, chain[1:])]
+        begin_ns = min(track.first_ns for track in self._tracks.values())
+        return Rhythm(gaps_s, begin_ns * 1e-9, max(track.t_ns for track in self._tracks.values()) * 1e-9)
 
     def _chains(self) -> list[Members]:
         """Return the groups of the best path cover."""
@@ -115,11 +140,15 @@ class Partition:
         known = self._scores.get(group)
         if known is None:
             known = self._scores[group] = self._score(group)
-        return known
+        if known == -math.inf:
+            return known
+        ordered = self._ordered(group)
+        return known + sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:]))
 
     def _score(self, group: Members) -> float:
+        """Return the score without the prior."""
         ordered = self._ordered(group)
-        total = _PRIOR * (len(ordered) - 1)
+        total = 0.0
         for a, b in zip(ordered, ordered[1:]):
             total += self._transit(a, b)
         if total == -math.inf:
@@ -128,7 +157,7 @@ class Partition:
             for b in ordered[i + 2 :]:
                 if self._transit(a, b) == -math.inf:
                     return -math.inf
-        return total + appearance_ratio([self._appears(track.number) for track in ordered])
+        return total + appearance_ratio([self._appears(track.number) for track in ordered]) - _sat(ordered)
 
     def _joined(self, groups: list[Members]) -> list[Members]:
         gains: dict[tuple[Members, Members], float] = {}
@@ -191,3 +220,12 @@ class Partition:
             late_a, late_b = (frozenset(n for n in g if self._tracks[n].first_ns >= t_ns) for g in (a, b))
             pairs.append(((a - late_a) | late_b, (b - late_b) | late_a))
         return pairs
+
+
+def _sat(tracks: Sequence[Track]) -> float:
+    """Return how much more the boxes of tracks at two places say for a sitter than for somebody upright; 0 at one."""
+    nearest = min(tracks, key=lambda t: t.closest_m)
+    x, y = nearest.fix.state[:2].tolist()
+    if all(math.dist((x, y), t.fix.state[:2].tolist()) < _ONE_PLACE_M + t.closest_m for t in tracks):
+        return 0.0
+    return sum((track.evidence for track in tracks), Evidences()).seated_more

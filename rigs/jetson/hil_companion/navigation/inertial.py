@@ -1,8 +1,10 @@
 """Strapdown navigation: position, velocity and attitude from gyro and accelerometer, corrected by slower measurements.
 
-    q' = q exp((w - b_g) dt)     v' = v + (R (f - b_a) + g) dt     p' = p + v dt + ...
+    w = (1 + k) (w_gyro - b_g)
+    q' = q exp(w dt)     v' = v + (R (f - b_a) + g) dt     p' = p + v dt + ...
 
-A Kalman filter estimates 15 errors: position, velocity, attitude (in W), b_g and b_a. The filter's state is that of
+A Kalman filter estimates 15 errors: position, velocity, attitude (in W), b_g and b_a; with `scale_sigma` also the
+gyro's three scales k, which matter if the vehicle turns always the same way. The filter's state is that of
 the last `advance`; later rows of the IMU are queued, and `predict` adds them for the present state. A late measurement
 (GPS) is compared with the recorded state at its own time, and the difference corrects the present state.
 """
@@ -23,9 +25,9 @@ _MAX_QUEUED = 4096
 _GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # noise, including vibration and scale errors
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
 _MAX_RADPS, _MAX_MPS2 = 60.0, 400.0  # beyond the range of a drone's gyro and accelerometer: such rows are errors
-# A gap between rows longer than _GAP_S is bridged by a model: constant velocity for _REACTION_S; then the vehicle
+# A gap between rows longer than GAP_S is bridged by a model: constant velocity for _REACTION_S; then the vehicle
 # brakes because its IMU is silent, and speed and tilt decay with these time constants.
-_GAP_S = 0.05
+GAP_S = 0.05
 _REACTION_S, _STOP_S, _LEVEL_S = 0.3, 1.0, 0.5
 _COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # process noise of velocity and heading during a gap
 _TILT_RAD, _SPIN_RADPS = 0.15, 0.25  # tilt that may build up unobserved, and the rate at which it does
@@ -34,6 +36,7 @@ _SHAKE_MPS2 = 2.0  # noise of that correction: the vehicle's own acceleration
 
 XY, Z, XYZ, SPEED, YAW = (0, 1), (2,), (0, 1, 2), (3, 4, 5), (8,)  # indices of errors
 P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+K_G = slice(15, 18)  # only with `scale_sigma`
 
 
 class NavState(NamedTuple):
@@ -46,17 +49,23 @@ class NavState(NamedTuple):
 
 
 class InertialFilter:
-    """Error-state Kalman filter. `start_W`: x, y, z [m], yaw [rad], at rest and level to two degrees."""
+    """Error-state Kalman filter. `start_W`: x, y, z [m], yaw [rad], at rest and level to two degrees.
 
-    def __init__(self, start_W: tuple[float, float, float, float]) -> None:
+    `scale_sigma`: standard deviation of the gyro's scales, constant in a flight; 0: they are exactly one.
+    """
+
+    def __init__(self, start_W: tuple[float, float, float, float], *, scale_sigma: float = 0.0) -> None:
         x, y, z, yaw = (float(c) for c in start_W)
         self.p = np.array([x, y, z])
         self.v = np.zeros(3)
         self.q: tuple[float, float, float, float] = (float(np.cos(yaw / 2)), 0.0, 0.0, float(np.sin(yaw / 2)))
         self.gyro_bias = np.zeros(3)
         self.accel_bias = np.zeros(3)
+        self.gyro_scale = np.zeros(3)  # k: the rate is 1 + k times what the gyro says without its bias
         sigma = [0.05] * 3 + [0.05] * 3 + [0.035, 0.035, 0.005] + [0.005] * 3 + [0.1] * 3
+        sigma += [scale_sigma] * 3 if scale_sigma > 0.0 else []
         self.cov = np.diag(np.array(sigma) ** 2)
+        self._count = len(sigma)
         self.t_ns: int | None = None
         self.last_imu_ns: int | None = None
         self._force_W: np.ndarray | None = None  # mean specific force of the last `advance`; None: it had no rows
@@ -89,7 +98,7 @@ class InertialFilter:
         if self.t_ns is None:
             self.t_ns = self._rows[0][0] if self._rows else to_ns
             self._past.append(self.state())
-        began, f_sum, used = self.t_ns, np.zeros(3), 0
+        began, f_sum, turn_B, used = self.t_ns, np.zeros(3), np.zeros(3), 0
         coasted_s = braked_s = tilt_variance = 0.0
         state = self.state()
         while self._rows and self._rows[0][0] <= to_ns:
@@ -97,13 +106,16 @@ class InertialFilter:
             if row[0] <= state.t_ns:
                 continue
             gap_s = (row[0] - state.t_ns) * 1e-9
-            if gap_s > _GAP_S:
+            if gap_s > GAP_S:
                 coasted_s += gap_s
                 braked_s += max(0.0, gap_s - _REACTION_S)
                 tilt_variance += self._tilt_growth(gap_s)
             self._silent_s, self._row_ns = 0.0, row[0]
+            before_ns = state.t_ns
             state, force = self._step(state, row)
             f_sum += force
+            if self._count > K_G.start and gap_s <= GAP_S:
+                turn_B += (row[0] - before_ns) * 1e-9 * np.array(self._rate_radps(row[1]))
             used += 1
             self._past.append(state)
         if state.t_ns < to_ns:
@@ -117,7 +129,7 @@ class InertialFilter:
         self.set_state(state)
         self._force_W = f_sum / used if used else None
         force_W = self._force_W if self._force_W is not None else np.array([0.0, 0.0, G_MPS2])
-        self._propagate((state.t_ns - began) * 1e-9, force_W, coasted_s, braked_s, tilt_variance)
+        self._propagate((state.t_ns - began) * 1e-9, force_W, turn_B, coasted_s, braked_s, tilt_variance)
 
     def set_state(self, state: NavState) -> None:
         self.t_ns, self.p, self.v, self.q = state.t_ns, np.array(state.p), np.array(state.v), state.q
@@ -136,7 +148,7 @@ class InertialFilter:
         """Correct uncertain roll and pitch by gravity: on average the vehicle does not accelerate."""
         if self._force_W is None or self.tilt_sigma_rad < _UNSURE_TILT_RAD:
             return
-        H = np.zeros((2, 15))
+        H = self.no_errors(2)
         H[:, TH], H[:, BA] = -skew(self._force_W)[:2], -self.R[:2]
         self.correct(H, -self._force_W[:2], np.full(2, _SHAKE_MPS2**2))
 
@@ -178,6 +190,17 @@ class InertialFilter:
                 break
         return rows[::-1]
 
+    def no_errors(self, rows: int) -> np.ndarray:
+        """Return zeros for the Jacobian of a measurement of `rows` values by the errors."""
+        return np.zeros((rows, self._count))
+
+    def row_before(self, t_ns: int) -> int | None:
+        """Return the time of the newest row up to `t_ns`, queued or integrated last; None without one."""
+        for row in reversed(self._rows):
+            if row[0] <= t_ns:
+                return row[0]
+        return self._row_ns
+
     def correct(self, H: np.ndarray, innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
         """Correct by a measurement with independent errors; return False if it is beyond `gate` standard deviations."""
         S = H @ self.cov @ H.T + np.diag(variance)
@@ -186,7 +209,7 @@ class InertialFilter:
             return False
         K = np.linalg.solve(S, H @ self.cov).T
         self._apply(K @ innovation)
-        A = np.eye(15) - K @ H
+        A = np.eye(self._count) - K @ H
         self.cov = A @ self.cov @ A.T + (K * variance) @ K.T
         return True
 
@@ -194,14 +217,14 @@ class InertialFilter:
         self, states: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0
     ) -> bool:
         """Correct by a direct measurement of some of the states: `XY`, `Z`, `XYZ`, `SPEED` or `YAW`."""
-        return self.correct(np.eye(15)[list(states)], innovation, variance, gate)
+        return self.correct(np.eye(self._count)[list(states)], innovation, variance, gate)
 
     def correct_place(self, innovation: np.ndarray, variance: np.ndarray, *, above_m: float) -> None:
         """Correct x and y by a match with objects `above_m` above the vehicle; a tilt error displaces these objects.
 
         p_found - p = d_theta x (0, 0, above)
         """
-        H = np.zeros((2, 15))
+        H = self.no_errors(2)
         H[0, 0] = H[1, 1] = 1.0
         H[0, 7], H[1, 6] = above_m, -above_m
         self.correct(H, innovation, variance)
@@ -217,30 +240,41 @@ class InertialFilter:
     def _step(self, m: NavState, row: tuple[int, tuple[float, ...], tuple[float, ...]]) -> tuple[NavState, np.ndarray]:
         t_ns, w, f = row
         dt = (t_ns - m.t_ns) * 1e-9
-        if dt > _GAP_S:
+        if dt > GAP_S:
             m, dt = _coasted(m, t_ns, m.t_ns), 0.0
-        bg, ba = self.gyro_bias, self.accel_bias
-        half = turned(m.q, 0.5 * dt * (w[0] - bg[0]), 0.5 * dt * (w[1] - bg[1]), 0.5 * dt * (w[2] - bg[2]))
-        q = turned(m.q, dt * (w[0] - bg[0]), dt * (w[1] - bg[1]), dt * (w[2] - bg[2]))
-        force = matrix_of(half) @ (np.array(f) - ba)
+        wx, wy, wz = self._rate_radps(w)
+        half = turned(m.q, 0.5 * dt * wx, 0.5 * dt * wy, 0.5 * dt * wz)
+        q = turned(m.q, dt * wx, dt * wy, dt * wz)
+        force = matrix_of(half) @ (np.array(f) - self.accel_bias)
         ax, ay, az = float(force[0]), float(force[1]), float(force[2]) - G_MPS2
         (px, py, pz), (vx, vy, vz) = m.p, m.v
         h = 0.5 * dt
         p = (px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az))
         return NavState(t_ns, p, (vx + dt * ax, vy + dt * ay, vz + dt * az), q), force
 
+    def _rate_radps(self, w: Sequence[float]) -> tuple[float, float, float]:
+        """Return the vehicle's rate by a row of the gyro."""
+        bg, k = self.gyro_bias, self.gyro_scale
+        return (w[0] - bg[0]) * (1.0 + k[0]), (w[1] - bg[1]) * (1.0 + k[1]), (w[2] - bg[2]) * (1.0 + k[2])
+
     def _propagate(
-        self, T: float, force_W: np.ndarray, coasted_s: float, braked_s: float, tilt_variance: float
+        self,
+        T: float,
+        force_W: np.ndarray,
+        turn_B: np.ndarray,
+        coasted_s: float,
+        braked_s: float,
+        tilt_variance: float,
     ) -> None:
         """Propagate the covariance over T seconds with the mean specific force.
 
-        `coasted_s`: seconds of T without rows; `braked_s`: seconds of those after the reaction time; `tilt_variance`:
-        growth of the variance of roll and pitch in the gap.
+        `turn_B`: angles by the gyro about the axes of B [rad]; `coasted_s`: seconds of T without rows; `braked_s`:
+        seconds of those after the reaction time; `tilt_variance`: growth of the variance of roll and pitch in the gap.
         """
         if T <= 0.0:
             return
         felt_s = T - coasted_s
-        F = np.eye(15)
+        F = np.eye(self._count)
         R = self.R
         F[P, V] = T * np.eye(3)
         F[V, V] *= math.exp(-braked_s / _STOP_S)
@@ -248,7 +282,9 @@ class InertialFilter:
         F[P, TH] = -0.5 * T * felt_s * skew(force_W)
         F[V, BA] = -felt_s * R
         F[TH, BG] = -felt_s * R
-        noise = np.zeros(15)
+        if self._count > K_G.start:
+            F[TH, K_G] = R * turn_B
+        noise = np.zeros(self._count)
         noise[V] = T * _ACCEL_MPS_PER_RTS**2 + coasted_s * _COAST_MPS_PER_RTS**2
         noise[P] = noise[V] * T * T / 3.0
         noise[TH] = T * _GYRO_RAD_PER_RTS**2
@@ -272,14 +308,16 @@ class InertialFilter:
         self.q = product(turn, self.q)
         self.gyro_bias = self.gyro_bias + error[BG]
         self.accel_bias = self.accel_bias + error[BA]
+        if self._count > K_G.start:
+            self.gyro_scale = self.gyro_scale + error[K_G]
         # The newest recorded state is corrected too, so that the next sweep's motion correction contains no jump.
         if self._past:
             self._past[-1] = self.state()
 
 
 def _silent(row_ns: int | None, t_ns: int) -> bool:
-    """Return True if the gap since the last row is longer than `_GAP_S`."""
-    return row_ns is None or (t_ns - row_ns) * 1e-9 > _GAP_S
+    """Return True if the gap since the last row is longer than `GAP_S`."""
+    return row_ns is None or (t_ns - row_ns) * 1e-9 > GAP_S
 
 
 def _coasted(m: NavState, to_ns: int, row_ns: int | None) -> NavState:

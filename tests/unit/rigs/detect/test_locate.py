@@ -252,6 +252,65 @@ def test_the_gyros_bias_is_learned_before_take_off() -> None:
     assert own.yaw_sigma_rad < 0.006
 
 
+def circled(own: OwnPose, *, frames_hz: int, over_s: int, scale: float, noise_mps: float = 0.0) -> tuple[Any, float]:
+    """Fly `own` on a level circle, turning fast; return its pose and the true heading at the end.
+
+    Radius 12 m, 3 m/s, 0.6 rad/s of heading, which the gyro understates by `scale`; fixes at 10 Hz with exact places.
+    """
+    from signals.geodesy import LocalFrame
+    from sim.scene.scene import Site
+
+    local = LocalFrame(Site(latitude_deg=47.0, longitude_deg=8.0, altitude_m=400.0))
+    radius_m, speed_mps, turn_radps, imu_hz, rest_s = 12.0, 3.0, 0.6, 50, 4
+    rng = np.random.default_rng(5)
+    imu: dict[str, Any] = {"t_capture_ns": [], "gyro_radps": [], "accel_mps2": []}
+    fixes: list[dict[str, Any]] = []
+    per_frame = imu_hz // frames_hz
+    for k in range(1, (rest_s + over_s) * imu_hz + 1):
+        t_ns, t_s = k * SECOND // imu_hz, max(0.0, k / imu_hz - rest_s)
+        yaw, way = turn_radps * (t_s - 0.5 / imu_hz) if t_s else 0.0, speed_mps / radius_m * t_s
+        a_W = speed_mps**2 / radius_m * np.array([-math.cos(way), -math.sin(way)]) if t_s else np.zeros(2)
+        if t_s and k == rest_s * imu_hz + 1:
+            a_W = a_W + np.array([0.0, speed_mps * imu_hz])  # at once to its speed
+        forward, left = a_W @ (math.cos(yaw), math.sin(yaw)), a_W @ (-math.sin(yaw), math.cos(yaw))
+        imu["t_capture_ns"].append(t_ns)
+        imu["gyro_radps"].append((0.0, 0.0, turn_radps / (1.0 + scale) if t_s else 0.0))
+        imu["accel_mps2"].append((float(forward), float(left), 9.80665))
+        if k % 5 == 0:
+            place = (radius_m * (math.cos(way) - 1.0), radius_m * math.sin(way), 0.23)
+            latitude, longitude, altitude = local.geodetic_from_enu(place)
+            v = (-speed_mps * math.sin(way), speed_mps * math.cos(way)) if t_s else (0.0, 0.0)
+            v_W = (v[0] + noise_mps * rng.standard_normal(), v[1] + noise_mps * rng.standard_normal(), 0.0)
+            row = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": altitude, "fix_type": 3}
+            fixes.append(row | {"t_capture_ns": t_ns, "horizontal_accuracy_m": 0.05, "v_W": v_W})
+        if k % per_frame == 0:
+            gps = {name: [fix[name] for fix in fixes] for name in (fixes[0] if fixes else ())}
+            own.update(frame(t_ns, **({"imu": imu, "gps": gps} if fixes else {"imu": imu})))
+            imu, fixes = {"t_capture_ns": [], "gyro_radps": [], "accel_mps2": []}, []
+    return own.at(t_ns), turn_radps * over_s
+
+
+def heading_off(pose: Any, yaw_rad: float) -> float:
+    w, _, _, z = pose.q
+    return abs(math.remainder(2.0 * math.atan2(z, w) - yaw_rad, 2.0 * math.pi))
+
+
+def test_the_gyros_scale_is_learned_from_turns() -> None:
+    own = OwnPose((0.0, 0.0, 0.23, 0.0))
+    pose, yaw_rad = circled(own, frames_hz=2, over_s=120, scale=0.004)
+    assert own._filter.gyro_scale[2] == pytest.approx(0.004, abs=5e-4)
+    assert heading_off(pose, yaw_rad) < math.radians(0.5)  # 0.8 degrees if the scale is taken for exact
+
+
+def test_fixes_of_one_frame_correct_as_fixes_of_many_frames() -> None:
+    rare, often = (OwnPose((0.0, 0.0, 0.23, 0.0)) for _ in range(2))
+    a, _ = circled(rare, frames_hz=1, over_s=30, scale=0.0, noise_mps=0.1)
+    b, _ = circled(often, frames_hz=10, over_s=30, scale=0.0, noise_mps=0.1)
+    assert a.p == pytest.approx(b.p, abs=5e-3)
+    assert a.v == pytest.approx(b.v, abs=5e-3)
+    assert heading_off(a, 2.0 * math.atan2(b.q[3], b.q[0])) < 1e-3
+
+
 @pytest.mark.parametrize("near", range(1, 36))
 def test_two_heaps_with_nothing_between_have_a_depth_all_the_same(near: int) -> None:
     depth_m = np.full((6, 6), 30.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -20,6 +21,7 @@ from hil_companion.locate.appearance import Appearance, appearance_ratio  # noqa
 from hil_companion.locate.existence import Evidence, Evidences, sighting_evidence  # noqa: E402
 from hil_companion.locate.objects import Objects  # noqa: E402
 from hil_companion.locate.partition import Partition  # noqa: E402
+from hil_companion.locate.rhythm import Rhythm  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
 from hil_companion.locate.transit import transit_ratio  # noqa: E402
 
@@ -360,6 +362,41 @@ def test_the_chains_are_the_best_path_cover() -> None:
 
         best = max(gain(groups) for groups in partitions([t.number for t in ordered]))
         assert gain(chains) == pytest.approx(best)
+
+
+def test_a_survey_that_comes_round_has_a_rhythm() -> None:
+    rhythm = Rhythm([8.0] * 20, 0.0, 200.0)
+    assert rhythm.known
+    assert rhythm.revisit_s == 8.0
+    usual = rhythm.ratio(100.0, 108.0)  # 100 s of the flight are left, 108 s are over
+    assert rhythm.ratio(100.0, 103.0) < usual - 3.0  # sooner than anybody comes again: two people
+    assert rhythm.ratio(100.0, 140.0) == pytest.approx(usual - 0.3 * (5.0 - 1.5))  # three times missed
+    assert rhythm.ratio(100.0, 108.0) > rhythm.ratio(2.0, 10.0)  # the second one may have been out of sight until then
+    assert rhythm.ratio(100.0, 108.0) > rhythm.ratio(185.0, 193.0)
+    longer = Rhythm([16.0] * 20, 0.0, 400.0)  # twice as slow: the same in revisit times
+    assert longer.ratio(200.0, 280.0) == pytest.approx(rhythm.ratio(100.0, 140.0))
+    assert not Rhythm([8.0] * 7, 0.0, 200.0).known
+    assert not Rhythm([-1.0] * 20, 0.0, 200.0).known  # two boxes on one person at a time have no gap
+
+
+def test_who_was_at_two_places_does_not_sit() -> None:
+    def sits(tracks: Tracks, x_m: float, begin: int) -> None:
+        for k in range(begin, begin + 5):
+            tracks.add(k * SECOND // 2, [replace(seen_at(x_m, 0.0, RED), evidence=Evidence(-1.0, 2.0, on_seat=True))])
+
+    one, two = Tracks(), Tracks()
+    for x_m, tracks in ((0.0, one), (20.0, two)):
+        sits(tracks, 0.0, 0)
+        sits(tracks, x_m, 60)
+    totals = []
+    for tracks in (one, two):
+        partition = Partition()
+        assert len(tracks.tracks) == 2
+        partition.groups(tracks.tracks)
+        both = frozenset(t.number for t in tracks.tracks)
+        totals.append(partition.score(both) - sum(partition._link(a, b) for a, b in pairwise(tracks.tracks)))
+    assert totals[0] == pytest.approx(0.0)
+    assert totals[1] == pytest.approx(-10 * 3.0 / (1.0 + 0.1 * 9))  # ten boxes say 3 more for a sitter each
 
 
 def partitions(numbers: list[int]) -> list[list[list[int]]]:
