@@ -52,6 +52,7 @@ class Partition:
         self._appearance: dict[int, Appearance] = {}
         self._transits: dict[tuple[int, int], float] = {}
         self._scores: dict[Members, float] = {}
+        self._totals: dict[Members, float] = {}  # scores with the prior, which changes from call to call
         self._links: dict[tuple[int, int], float] = {}
         self._tracks: dict[int, Track] = {}
         self._rhythm = Rhythm([], 0.0, 0.0)
@@ -61,6 +62,7 @@ class Partition:
         self._forget(tracks)
         self._rhythm = Rhythm([], 0.0, 0.0)
         self._rhythm = self._rhythm_of(self._chains())
+        self._totals = {}
         groups = self._joined(self._chains())
         for _ in range(_ROUNDS):
             better = self._moved(groups)
@@ -102,7 +104,8 @@ class Partition:
             transit = self._transit(a, b)
             alike = 0.0 if transit == -math.inf else appearance_ratio([self._appears(n) for n in pair])
             self._links[pair] = transit + alike
-        return self._links[pair] + self._prior(a, b)
+        known = self._links[pair]
+        return known if known == -math.inf else known + self._prior(a, b)
 
     def _prior(self, a: Track, b: Track) -> float:
         """Return the ln of the odds that b is a's successor, before their places and looks are known."""
@@ -137,13 +140,17 @@ class Partition:
         """Return the score of one object with these tracks; -inf if they cannot be one, 0 for one track or none."""
         if len(group) < 2:
             return 0.0
-        known = self._scores.get(group)
-        if known is None:
-            known = self._scores[group] = self._score(group)
-        if known == -math.inf:
-            return known
+        total = self._totals.get(group)
+        if total is None:
+            known = self._scores.get(group)
+            if known is None:
+                known = self._scores[group] = self._score(group)
+            total = self._totals[group] = known if known == -math.inf else known + self._priors(group)
+        return total
+
+    def _priors(self, group: Members) -> float:
         ordered = self._ordered(group)
-        return known + sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:]))
+        return sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:]))
 
     def _score(self, group: Members) -> float:
         """Return the score without the prior."""
