@@ -1,4 +1,4 @@
-"""What stands along kerbs: rows of parked cars, and small objects on the pavement.
+"""Things along kerbs: rows of parked cars, and small objects on the pavement.
 
 Rows: of the places along a kerb, 6.3 m each, as many are taken as asked for, in runs of one to four cars that stand
 0.2 to 0.5 m from the kerb and a little askew. Objects: wheelie bins, traffic cones in threes, signs, cabinets and
