@@ -153,7 +153,10 @@ void one(std::uint64_t seed) {
     if (rng.one_in(8)) shot.options.far_t = static_cast<float>(rng.uniform(3.0, 1e5));
     const int height = picture->raster().buffer().height;
     std::unique_ptr<Picture> finer;
-    if (!huge && rng.one_in(2)) finer = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed, 2), scenery, shading);
+    try {
+        if (!huge && rng.one_in(2)) finer = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed, 2), scenery, shading);
+    } catch (const std::invalid_argument &) {  // twice the focal length is beyond the bound, refused in words
+    }
     for (int number = 0; number < (huge ? 1 : 3); ++number) {
         stir(rng, geometry);
         if (shadows != nullptr) shadows->update(true);
