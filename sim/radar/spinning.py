@@ -47,7 +47,7 @@ _PATTERN_FLOOR = 1e-4  # two-way, in azimuth
 _TABLE = 1 << 16  # of exponentials and cosines
 _LEAST_COSINE = 1e-3
 _SAME_NORMAL = 0.999
-_FOUR_PI = 12.566370614359172
+_FOUR_PI = 2.0 * TURN_RAD
 
 
 class Beam(StrictModel):

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Protocol
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
-from signals.samples import FRAME_SAMPLES, Sample, TruthState, Vec3
+from signals.samples import FRAME_SAMPLES, PointCloudSample, Sample, TruthState, Vec3
 from signals.time import NS_PER_S, period_ns_from_hz
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
@@ -85,6 +85,11 @@ class Kind:
     def needs_frames(self) -> bool:
         """True if its samples are frames; each such sensor needs the world's geometry."""
         return self.sample_type in FRAME_SAMPLES
+
+    @property
+    def sweeps(self) -> bool:
+        """True if a sample spans the whole time since the one before: its points are measured one after the other."""
+        return self.sample_type is PointCloudSample
 
     def needs_geometry(self, parameters: Any) -> bool:
         """Return True if a sensor with these parameters needs the world's geometry (`Installation.frames`)."""

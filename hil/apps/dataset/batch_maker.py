@@ -41,8 +41,7 @@ from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from sim.frame.source import SharedFrames
-from sim.sensors.lidar import Lidar
-from sim.sensors.spinning_radar import SpinningRadar
+from sim.sensors.catalog import KINDS
 
 if TYPE_CHECKING:
     from hil.apps.dataset.object_writer import ObjectWriter
@@ -115,7 +114,7 @@ class BatchMaker:
     def sample(self, truth: TruthState, due: DueSample) -> FrameSample:
         """Take a due sample; `EPOCH_NS` is added to its times, as in all files of the data set."""
         sensor = self.sensors[due.sensor]
-        if isinstance(sensor, Lidar | SpinningRadar):
+        if KINDS[self.plan.frame_sensors[due.sensor].kind].sweeps:
             sensor.set_previous_truth(due.previous)
         sample: FrameSample = sensor.sample(truth, due.seq)
         return sample._replace(

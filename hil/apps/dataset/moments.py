@@ -17,8 +17,7 @@ from signals.samples import ImageSample, PointCloudSample, TruthState
 from signals.time import RateAccumulator, period_ns_from_hz
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_bodies import VehicleBodies
-
-SWEPT_KINDS = ("lidar", "spinning_radar")  # whose samples span the time since the one before
+from sim.sensors.catalog import KINDS
 
 
 class DueSample(NamedTuple):
@@ -97,7 +96,7 @@ class SampleClock:
             if rate.due():
                 seq = self._seq.get(name, 0)
                 self._seq[name] = seq + 1
-                if self.sensors[name].kind in SWEPT_KINDS:
+                if KINDS[self.sensors[name].kind].sweeps:
                     samples.append(DueSample(name, seq, self._previous.get(name)))
                     self._previous[name] = truth
                 else:
@@ -111,7 +110,7 @@ class OtherVehicles:
     def __init__(self, vehicles: Mapping[str, Vehicle], sensors: Mapping[str, SensorConfig]) -> None:
         """`sensors`: the recorded vehicle's cameras, LiDARs and radars."""
         self._vehicles = vehicles
-        self._sweep_ns = {n: period_ns_from_hz(s.rate_hz) for n, s in sensors.items() if s.kind in SWEPT_KINDS}
+        self._sweep_ns = {n: period_ns_from_hz(s.rate_hz) for n, s in sensors.items() if KINDS[s.kind].sweeps}
         self._bodies: dict[str, VehicleBodies] = {}
 
     def start_flight(self) -> None:

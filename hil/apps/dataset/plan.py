@@ -105,8 +105,8 @@ class DatasetPlan:
         sensors = self.frame_sensors
         if self.labelled is not None:
             return self.labelled
-        order = ("camera", "lidar", "radar", "spinning_radar")
-        return next(name for kind in order for name, s in sensors.items() if s.kind == kind)
+        preferred = (name for kind in ("camera", "lidar", "radar") for name, s in sensors.items() if s.kind == kind)
+        return next(preferred, next(iter(sensors)))
 
     @cached_property
     def labelled(self) -> str | None:

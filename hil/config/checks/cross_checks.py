@@ -14,6 +14,7 @@ from sim.physics.faults import misfits
 from sim.physics.surface_faults import surface_misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
+from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 
@@ -21,7 +22,6 @@ from sim.sensors.magnetometer import magnetic_field_W_tesla
 # within 3 degrees of gravity. The World Magnetic Model's own zones: blackout below 2 uT, caution up to 6 uT.
 _LEAST_HORIZONTAL_TESLA = 3.0e-6
 _LEAST_SWEEPS_HZ = 0.5  # times of points are nanoseconds of 32 bits, within 2.147 s of the sweep's end
-_SWEEPING = ("lidar", "spinning_radar")  # kinds whose samples take their whole period
 
 
 def rate_problem(rate_hz: float, config: BenchConfig) -> str:
@@ -49,7 +49,7 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             report(place, message, "an imu is read at every tick: leave rate_hz out")
         elif message := rate_problem(sensor.rate_hz, config):
             report(place, message)
-        elif sensor.kind in _SWEEPING and sensor.rate_hz < _LEAST_SWEEPS_HZ:
+        elif KINDS[sensor.kind].sweeps and sensor.rate_hz < _LEAST_SWEEPS_HZ:
             message = f"must be at least {_LEAST_SWEEPS_HZ:g} Hz, not {sensor.rate_hz:g} Hz"
             report(place, message, "a sweep takes its whole period, and its points state times within 2.1 s")
     for index, key, message in fault_problems(config.faults.sensors, sample_types(config)):

@@ -9,7 +9,6 @@ from typing import Any
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
-from hil.apps.dataset.moments import SWEPT_KINDS
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
 from hil.config import SensorConfig
@@ -160,7 +159,7 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
 def _other_sensor(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
     p, mount, comment = sensor.parameters, _mount(sensor.parameters), _description(name, sensor)
     T_BS = transform(mount.p_BC, mount.q_BC)
-    if sensor.kind in SWEPT_KINDS:
+    if KINDS[sensor.kind].sweeps:
         comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32, class and instance"
     elif sensor.kind == "imu":
         T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))
