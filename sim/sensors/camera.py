@@ -43,9 +43,7 @@ class Camera(InstalledSensor):
 
     def __init__(self, installation: Installation, parameters: CameraParameters) -> None:
         """Raises ValueError without `installation.frames`."""
-        p, frames = parameters, installation.frames
-        if frames is None:
-            raise ValueError(f"sensor '{installation.name}': a camera needs the world's geometry (frames)")
+        p, frames = parameters, installation.geometry_for("a camera")
         super().__init__(installation, p.latency_s, {})
         self.model = p.model()
         self.planes_m = (p.near_m, p.far_m)

@@ -219,9 +219,8 @@ def _root(a: float, b: float) -> float:
 def _receiver(installation: Installation, p: GpsParameters, period_ns: int) -> SkyReceiver:
     from sim.gnss.receiver import SkyReceiver  # loads the geometry's modules
 
-    frames = installation.frames
-    if frames is None or p.sky is None:
-        raise ValueError(f"sensor '{installation.name}': a GPS with a sky needs the world's geometry (frames)")
+    frames = installation.geometry_for("a GPS with a sky")
+    assert p.sky is not None
     return SkyReceiver(installation.scene, frames.geometry, p, p.sky, best_fix=p.fix_type, period_ns=period_ns)
 
 

@@ -67,9 +67,7 @@ class Lidar(InstalledSensor):
 
     def __init__(self, installation: Installation, parameters: LidarParameters) -> None:
         """Raises ValueError without `installation.frames`, or for more than `MAX_POINTS` points per sweep."""
-        p, frames = parameters, installation.frames
-        if frames is None:
-            raise ValueError(f"sensor '{installation.name}': a LiDAR needs the world's geometry (frames)")
+        p, frames = parameters, installation.geometry_for("a LiDAR")
         super().__init__(installation, p.latency_s, {"range_m": p.range_resolution_m})
         count = p.pattern.points(self.period_ns)
         if count > MAX_POINTS:

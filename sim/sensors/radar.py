@@ -191,10 +191,8 @@ class Radar(InstalledSensor):
 
     def __init__(self, installation: Installation, parameters: RadarParameters) -> None:
         """Raises ValueError without `installation.frames`, or for frames longer than their period."""
-        p, frames = parameters, installation.frames
+        p, frames = parameters, installation.geometry_for("a radar")
         name = installation.name
-        if frames is None:
-            raise ValueError(f"sensor '{name}': a radar needs the world's geometry (frames)")
         if p.frame is not None and installation.shared is None:
             raise ValueError(f"sensor '{name}': the pictures of its camera {p.frame!r} are missing (shared)")
         if p.chirp.frame_s * NS_PER_S > installation.period_ns:

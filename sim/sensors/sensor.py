@@ -48,6 +48,12 @@ class Installation:
         """Nominal time between two samples. Raises ValueError for a rate that is not above 0."""
         return period_ns_from_hz(self.rate_hz)
 
+    def geometry_for(self, what: str) -> FrameSource:
+        """Return `frames`, without which `what` cannot be made. Raises ValueError."""
+        if self.frames is None:
+            raise ValueError(f"sensor '{self.name}': {what} needs the world's geometry (frames)")
+        return self.frames
+
 
 class InstalledSensor:
     """Base of the sensors: the attributes of a `Sensor`."""

@@ -51,9 +51,7 @@ class SpinningRadar(InstalledSensor):
 
     def __init__(self, installation: Installation, parameters: SpinningRadarParameters) -> None:
         """Raises ValueError without `installation.frames`."""
-        p, frames = parameters, installation.frames
-        if frames is None:
-            raise ValueError(f"sensor '{installation.name}': a spinning radar needs the world's geometry (frames)")
+        p, frames = parameters, installation.geometry_for("a spinning radar")
         super().__init__(installation, p.latency_s, {"range_m": p.bin_m})
         self._p, self._frames = p, frames
         world = frames.geometry.world
