@@ -260,6 +260,7 @@ class Trajectory(Section):
     preset: Literal["square", "circle", "figure_eight", "survey", "points"] = "square"
     side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square around the course
     height_m: Annotated[float, Field(ge=1, le=500)] = 8.0  # above the take-off place
+    clear: bool = False  # raise the course by whole metres until nothing that stands still is in its way
     speed_mps: Annotated[float, Field(ge=0.2, le=15)] = 3.0
     # Used by the preset `points` alone: east and north of the take-off place, flown in this order, then from the first.
     points_m: Annotated[tuple[CoursePoint, ...], Field(max_length=200)] = ()

@@ -24,7 +24,7 @@ from sim.scene.solids import solid_geoms
 from sim.scene.world import World
 from sim.world_loader import load_world
 
-_CONTACT_STEP_S = 0.001
+CONTACT_STEP_S = 0.001
 _TOP_M = 10_000.0  # above every map
 _DOWN = np.array([[0.0], [0.0], [-1.0]])
 _CLIMB_M = 1.2  # above the vehicle nothing is solid up to here
@@ -52,7 +52,7 @@ def take_off_problem(
 ) -> TakeOffProblem | None:
     """Return what is wrong with the take-off place, or None. Raises ConfigError for a wrong scene."""
     world = load_world(scene)
-    model = build_model(scene, vehicle, contact_step_s=_CONTACT_STEP_S)
+    model = build_model(scene, vehicle, contact_step_s=CONTACT_STEP_S)
     data = mujoco.MjData(model)
     _pose_actors(world, model, data)
     x, y, z = start.ground_W
@@ -74,13 +74,13 @@ def take_off_problem(
     footing = find_footing(model, data, vehicle, start)
     deepest = min(_contacts(model, data, footing), default=(0.0, -1))
     if deepest[0] < -INSIDE_M:
-        what = _name(world, model, deepest[1])
+        what = solid_name(world, model, deepest[1])
         return problem(
             f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
         )
     over_m, over = _overhead(model, data, footing)
     if over_m < _CLIMB_M:
-        what = _name(world, model, over)
+        what = solid_name(world, model, over)
         return problem(f"leaves no room to take off: {what} is {over_m:.2f} m above the vehicle at {where}")
     lowered_m = OVER_GROUND_M + vehicle.standing_height_m - vehicle.lying_height_m
     if not _contacts(model, data, footing, lowered_m):
@@ -177,7 +177,7 @@ def _contacts(
     return found
 
 
-def _name(world: World, model: mujoco.MjModel, geom: int) -> str:
+def solid_name(world: World, model: mujoco.MjModel, geom: int) -> str:
     body = int(model.geom_bodyid[geom])
     if body:
         return repr(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body))

@@ -14,6 +14,7 @@ from hil.apps.dataset.make import DatasetResult, MakeOptions, make_dataset
 from hil.apps.dataset.plan import DatasetPlan
 from hil.cluster.join import uses_ray
 from hil.cluster.waiting import Say, said_on
+from hil.config.checks.course_notes import course_notes
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
@@ -42,6 +43,8 @@ def run_dataset(
     on_ray = uses_ray(engine, address)
     with ExitStack() as stack:
         plan = plan_in(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-dataset-"))))
+        for note in course_notes(plan.bench):
+            console.print(f"warning: {note}", markup=False)
         if on_ray:
             options = _with_ray(options, plan, address, stack, said_on(console, quiet=options.quiet))
         out = stack.enter_context(new_run_dir(out, "dataset"))

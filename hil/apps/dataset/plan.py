@@ -21,9 +21,10 @@ from typing import Any
 from firmware_bridge.autopilots.catalog import PROFILES
 from hil.apps.dataset.trajectory import waypoints_text
 from hil.config import Bench, BenchConfig, SensorConfig, load_bench, site_of
+from hil.config.checks.course_notes import course_notes
 from hil.config.files import find
 from hil.config.missions import load_mission
-from hil.config.schema import Record
+from hil.config.schema import Record, Trajectory
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -42,6 +43,7 @@ FORMATS = ("boxes", "kitti", "nuscenes")  # of 3-D labels
 ALWAYS_WRITTEN = ("euroc", "voc", "coco", "mcap")
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
 MISSION_NAME = "trajectory.waypoints"
+_MOST_RAISED_M = 40  # that a course is raised to be clear
 
 # Folder names in mav0 by channel; the sensor's number is appended.
 CHANNEL_FOLDERS = {name: name for name in CHANNELS} | {"rgb": "cam"}
@@ -347,13 +349,26 @@ def _with_memoryless_radars(bench: Bench) -> Bench:
 
 
 def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
-    """Return the bench with its preset course, if it has one, as its mission."""
+    """Return the bench with its preset course, if it has one, as its mission. Raises ConfigError."""
     trajectory = bench.config.dataset.trajectory
     if trajectory is None:
         return bench
     path = work() / MISSION_NAME
+    for raised_m in range(_MOST_RAISED_M + 1 if trajectory.clear else 1):
+        raised = trajectory.model_copy(update={"height_m": trajectory.height_m + raised_m})
+        flown = _on_course(bench, raised, path)
+        if not trajectory.clear or not course_notes(flown):
+            return flown
+    message = f"finds no free way up to {trajectory.height_m + _MOST_RAISED_M:g} m: {course_notes(flown)[0]}"
+    raise ConfigError([Problem("dataset.trajectory.clear", message, "take another course or place, or clear: false")])
+
+
+def _on_course(bench: Bench, trajectory: Trajectory, path: Path) -> Bench:
+    """Return the bench with a preset course as its mission, which is written to `path`."""
     path.write_text(waypoints_text(trajectory, bench.scene.site, bench.config.start.p_W), encoding="utf-8")
     files: Mapping[str, Path] = {k: v for k, v in bench.files.items() if k != "plan"} | {"mission": path}
-    config = bench.config.model_copy(update={"mission": str(path)})
+    dataset = bench.config.dataset.model_copy(update={"trajectory": trajectory})
+    config = bench.config.model_copy(update={"mission": str(path), "dataset": dataset})
     mission = load_mission(path, site=site_of(bench.scene))
-    return replace(bench, config=config, mission=mission, files=files, script=None)
+    sources = tuple(("dataset.trajectory", name) for _, name in mission.sources)  # the file is not the user's
+    return replace(bench, config=config, mission=replace(mission, sources=sources), files=files, script=None)

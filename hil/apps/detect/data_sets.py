@@ -126,7 +126,7 @@ def make_data_sets(
     """Make those data sets of `series` that are not yet complete in `out`, and return the folders of all.
 
     `jobs` data sets are made at a time, by default one per core. Raises ConfigError for a scene that does not
-    exist, RecordingError with the first data set that could not be made.
+    exist, RecordingError with the data sets that could not be made, after all others have been.
     """
     plans = series.plans()
     settings = [[*plan.settings(), *series.settings()] for plan in plans]  # names a wrong scene before a folder is made
@@ -142,13 +142,19 @@ def make_data_sets(
                 pool.submit(_make, plan, out / plan.name, series.frames, texts)
                 for plan, texts in zip(plans, settings, strict=True)
             ]
+            failed: list[RecordingError] = []
             for future in futures:
                 try:
                     future.result()
-                except BaseException:  # also Ctrl-C: without it the pool makes all the rest first
+                except RecordingError as error:
+                    failed.append(error)
+                except BaseException:  # Ctrl-C: without it the pool makes all the rest first
                     pool.shutdown(cancel_futures=True)
                     raise
                 progress.advance(task)
+    if failed:
+        made = len(plans) - len(failed)
+        raise RecordingError("\n".join([f"{made} of {len(plans)} data sets made", *map(str, failed)])) from failed[0]
     return [out / p.name for p in plans]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
+from hil.config.checks.course_notes import course_notes
 from hil.config.checks.intake_checks import intake_notes
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
@@ -29,8 +30,9 @@ def check_bench(choice: BenchChoice) -> str:
 
 
 def _notes(bench: Bench) -> list[str]:
-    """Return what the autopilot takes otherwise than the bench and the mission state."""
-    return [*(bench.mission.notes if bench.mission is not None else ()), *intake_notes(bench.config)]
+    """Return what the autopilot takes otherwise than the bench and the mission state, and what is in its way."""
+    mission = bench.mission.notes if bench.mission is not None else ()
+    return [*mission, *course_notes(bench), *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:
