@@ -20,6 +20,8 @@ altitude_error_m   Greatest |z - planned z| while cross-track is measured and th
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
+climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
+                   `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
 landed_tilt_deg    Greatest angle between the body's z axis (of a tailsitter x) and the vertical, from touch-down on.
 
@@ -70,6 +72,7 @@ class Measurements:
     landing_speed_mps: float | None
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
+    climb_missed_m: float = 0.0  # of a plan without waypoints: how much it stayed below the top of its take-off
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -103,6 +106,9 @@ class FlightMeasurement:
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
+        climbs = [] if self._fly_legs else [leg for leg in legs if leg.kind is LegKind.CLIMB]
+        self._climb_to_m = max((_reached_from_m(leg) for leg in climbs), default=-math.inf)
+        self._top_m = -math.inf  # greatest height so far
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -159,6 +165,7 @@ class FlightMeasurement:
     def _measure(self, truth: TruthState) -> None:
         """Update everything that is measured once a stride."""
         up = truth.p_WB[2]
+        self._top_m = max(self._top_m, up)
         if self._home_up_m is None:
             self._home_up_m = up
         if not truth.in_contact and up > self._home_up_m + AIRBORNE_M:
@@ -218,12 +225,14 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
+        climb_missed_m = max(0.0, self._climb_to_m - self._top_m) if last is not None else 0.0
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,
             completed=plan_end is not None
             and self._endless_item is None
             and all_reached
+            and not climb_missed_m
             and self._airborne
             and (landed or not to_ground),
             landed=landed,
@@ -234,6 +243,7 @@ class FlightMeasurement:
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
+            climb_missed_m=climb_missed_m,
             endless_item=self._endless_item,
         )
 
@@ -283,6 +293,12 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
             distances.append(math.inf)
             flown_level_m = 0.0
     return distances
+
+
+def _reached_from_m(climb: Leg) -> float:
+    """Return the height [m] from which on the top of a take-off counts as reached."""
+    top_m = climb.end_W[2]
+    return top_m - min(REACH_HEIGHT_M, (top_m - climb.start_W[2]) / 2)
 
 
 def _is_level(leg: Leg) -> bool:
@@ -400,6 +416,9 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+        elif measured.climb_missed_m:
+            missed_m = measured.climb_missed_m
+            reasons.append(f"the take-off was not finished: the vehicle stayed {missed_m:.3g} m below where it counts")
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:
