@@ -18,7 +18,6 @@ from hil.run.report.run_json import write_run_json
 from hil.run.runs.run_file import RUN_JSON_NAME
 from signals.errors import RecordingError
 
-
 _NOT_REPEATED = "in the run that this one replays, and not repeated"
 
 

@@ -1,8 +1,8 @@
 """Finds a PASS of nothing: the vehicle stood where it was all the time, and nothing else of the bench minds that.
 
-Three kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground station,
-sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which a vehicle at rest meets. A script
-without a plan is judged by its own measurements, most of which a vehicle at rest meets. And a script with
+Three kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground
+station, sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which one at rest meets. A
+script without a plan is judged by its own measurements, most of which a vehicle at rest meets, too. And a script with
 `outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted: that is a FAIL.
 The others are warned of, because a start that is refused may be what the test is about.
 """
