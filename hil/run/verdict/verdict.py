@@ -72,8 +72,31 @@ class Measurements:
     landing_speed_mps: float | None
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
-    climb_missed_m: float = 0.0  # of a plan without waypoints: how much it stayed below the top of its take-off
+    take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
+
+
+class TakeOffHeight:
+    """Tells whether a plan without waypoints was flown to the height of its take-off; other plans have waypoints."""
+
+    def __init__(self, legs: Sequence[Leg], *, reach_height_m: float = REACH_HEIGHT_M) -> None:
+        """`reach_height_m`: below the top of a take-off it counts as reached; at most half the climb."""
+        climbs = [] if waypoint_legs(legs) else [leg for leg in legs if leg.kind is LegKind.CLIMB]
+        heights = [(leg.start_W[2], leg.end_W[2]) for leg in climbs]
+        self._from_m = max((top - min(reach_height_m, (top - start) / 2) for start, top in heights), default=-math.inf)
+        self._greatest_m = -math.inf
+
+    def add(self, up_m: float) -> None:
+        """Add the height of the vehicle in W."""
+        self._greatest_m = max(self._greatest_m, up_m)
+
+    @property
+    def missed(self) -> str:
+        """How far the vehicle stayed below the height that counts, in words; empty: it came up."""
+        if self._greatest_m >= self._from_m or self._greatest_m == -math.inf:
+            return ""
+        below_m = self._from_m - self._greatest_m
+        return f"the take-off was not finished: the vehicle stayed {below_m:.3g} m below where it counts"
 
 
 class FlightMeasurement:
@@ -106,9 +129,7 @@ class FlightMeasurement:
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
-        climbs = [] if self._fly_legs else [leg for leg in legs if leg.kind is LegKind.CLIMB]
-        self._climb_to_m = max((_reached_from_m(leg) for leg in climbs), default=-math.inf)
-        self._top_m = -math.inf  # greatest height so far
+        self._take_off = TakeOffHeight(legs)
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -165,7 +186,7 @@ class FlightMeasurement:
     def _measure(self, truth: TruthState) -> None:
         """Update everything that is measured once a stride."""
         up = truth.p_WB[2]
-        self._top_m = max(self._top_m, up)
+        self._take_off.add(up)
         if self._home_up_m is None:
             self._home_up_m = up
         if not truth.in_contact and up > self._home_up_m + AIRBORNE_M:
@@ -225,14 +246,13 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
-        climb_missed_m = max(0.0, self._climb_to_m - self._top_m) if last is not None else 0.0
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,
             completed=plan_end is not None
             and self._endless_item is None
             and all_reached
-            and not climb_missed_m
+            and not self._take_off.missed
             and self._airborne
             and (landed or not to_ground),
             landed=landed,
@@ -243,7 +263,7 @@ class FlightMeasurement:
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
-            climb_missed_m=climb_missed_m,
+            take_off_missed=self._take_off.missed,
             endless_item=self._endless_item,
         )
 
@@ -293,12 +313,6 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
             distances.append(math.inf)
             flown_level_m = 0.0
     return distances
-
-
-def _reached_from_m(climb: Leg) -> float:
-    """Return the height [m] from which on the top of a take-off counts as reached."""
-    top_m = climb.end_W[2]
-    return top_m - min(REACH_HEIGHT_M, (top_m - climb.start_W[2]) / 2)
 
 
 def _is_level(leg: Leg) -> bool:
@@ -416,9 +430,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
-        elif measured.climb_missed_m:
-            missed_m = measured.climb_missed_m
-            reasons.append(f"the take-off was not finished: the vehicle stayed {missed_m:.3g} m below where it counts")
+        elif measured.take_off_missed:
+            reasons.append(measured.take_off_missed)
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:
