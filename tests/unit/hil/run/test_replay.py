@@ -26,13 +26,15 @@ def flight() -> list[Tick]:
     return make_flight(TICKS)
 
 
-def record(out: Path, flight: list[Tick], *, close: bool = True, event: str = "", tick_ns: int = TICK_NS) -> Path:
+def record(
+    out: Path, flight: list[Tick], *, close: bool = True, event: str = "", tick_ns: int = TICK_NS, status: str = "PASS"
+) -> Path:
     recorder = Recorder(out, mcap=True, tlog=False, tick_ns=tick_ns)
     if event:
         recorder.event(0, "note", event)
     fly(recorder, flight)
     if close:
-        recorder.close("PASS")
+        recorder.close(status)
     return out / "run.mcap"
 
 
@@ -146,6 +148,23 @@ def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> No
     other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "o")
     assert not other.identical
     assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
+
+
+def test_a_run_that_ended_as_error_is_compared_up_to_its_last_tick(flight: list[Tick], tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+    record(tmp_path, [*flight[:39], flight[39]._replace(received=[])], status="ERROR")
+    whole = replay(tmp_path, lambda _, out: record(out, flight))
+    assert whole.identical
+    assert str(whole).startswith("identical over 40 ticks, up to where the run ended as ERROR, digest ")
+    other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "other")
+    assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
+    shorter = replay(tmp_path, lambda _, out: record(out, flight[:30]), out_dir=tmp_path / "shorter")
+    assert "first difference at tick 30 " in str(shorter), "the fresh run did not end as ERROR"
+    record(tmp_path, flight[:40])
+    assert not replay(tmp_path, lambda _, out: record(out, flight), out_dir=tmp_path / "passed").identical
+    record(tmp_path, flight)
+    broken = replay(tmp_path, lambda _, out: record(out, flight[:40], status="ERROR"), out_dir=tmp_path / "broken")
+    assert not broken.identical
 
 
 def run_json(folder: Path, status: str, *reasons: str, **more: object) -> None:
