@@ -302,7 +302,7 @@ class PlaneMeasurement:
 
     @property
     def take_off_missed(self) -> str:
-        """How far a flight of a plan without waypoints stayed below its take-off, in words; empty: it came up."""
+        """Distance by which a plan without waypoints was flown below its take-off, in words; empty: it came up."""
         return self._take_off.missed
 
     @property

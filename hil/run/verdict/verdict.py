@@ -92,7 +92,7 @@ class TakeOffHeight:
 
     @property
     def missed(self) -> str:
-        """How far the vehicle stayed below the height that counts, in words; empty: it came up."""
+        """Distance by which the vehicle stayed below the height that counts, in words; empty: it came up."""
         if self._greatest_m >= self._from_m or self._greatest_m == -math.inf:
             return ""
         below_m = self._from_m - self._greatest_m
