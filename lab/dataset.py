@@ -40,7 +40,7 @@ _MIN_FRAMES_PER_S = {True: 110.0, False: 180.0}  # with storage, by radar
 
 @dataclass(frozen=True)
 class _Sizes:
-    """Which rates are measured: qualities, with radar and without, frames of the lowest quality and of the others."""
+    """Rates that are measured: qualities, with radar and without, frames of the lowest quality and of the others."""
 
     qualities: Sequence[str] = ("low",)
     radar: Sequence[bool] = (True, False)
