@@ -180,7 +180,7 @@ class BenchLoading:
         located.merge(SettingsPart(self.settings, ("vehicle_settings",)))
         vehicle, problems = validate(Vehicle, located.data, located)
         self.problems += problems
-        if vehicle is not None:
+        if vehicle is not None and (vehicle.rotors or not problems):  # a list with a wrong value was left out
             self.problems += control_problems(vehicle, located)
         return vehicle
 

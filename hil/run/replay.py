@@ -67,9 +67,11 @@ class ReplayResult:
     ticks: int
     digests: tuple[str | None, str | None]
     recorded_verdict: str = ""
+    stopped: bool = False  # the recorded run ended as ERROR
 
     def __str__(self) -> str:
-        end = "" if self.digests[0] else ", up to where the recording was cut off"
+        end = ", up to where the run ended as ERROR" if self.stopped else ""
+        end = end if self.digests[0] else ", up to where the recording was cut off"
         text = f"identical over {self.ticks} ticks{end}, digest {self.digests[1] or 'not in the recording'}"
         return "\n".join(part for part in (str(self.difference or text), self.recorded_verdict) if part)
 
@@ -77,7 +79,8 @@ class ReplayResult:
 def compare(recorded: Path, fresh: Path) -> Difference | None:
     """Return the first difference of two `run.mcap` files, None if every message is the same, bit for bit.
 
-    A recording that was cut off is compared up to its end. Raises RecordingError if a file cannot be read.
+    A recording that was cut off is compared up to its end, and one of a run that ended as ERROR up to its last tick, of
+    which it may lack the answers. Raises RecordingError if a file cannot be read.
     """
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
     difference = _first_difference(_pairs(a, b), tick_ns=_tick_ns(a, b))
@@ -85,6 +88,8 @@ def compare(recorded: Path, fresh: Path) -> Difference | None:
         # One run has more messages. That is a difference only if the shorter recording was not cut off.
         shorter = a if difference.recorded is None else b
         if not shorter.scan().complete and difference.t_ns > shorter.last_ns:
+            return None
+        if shorter is a and _stopped(a) and difference.t_ns >= shorter.last_ns:
             return None
     return difference
 
@@ -165,7 +170,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
     ticks = min(a.last_ns, b.last_ns) // _tick_ns(a, b) + 1
     verdict = carry_verdict(run_dir, out, identical=difference is None)
-    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)), verdict)
+    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)), verdict, _stopped(a))
 
 
 def _refuse_not_repeatable(run_dir: Path) -> None:
@@ -207,6 +212,11 @@ def _without_subscribers(bench: Bench) -> list[str]:
         for place, one in places.items()
         if one.config.ros2.domain is not None
     ]
+
+
+def _stopped(recording: Recording) -> bool:
+    """Return True if the recorded run ended as ERROR, such as by a lost link or a signal."""
+    return recording.metadata.get("hil_result", {}).get("status") == "ERROR"
 
 
 def _digest(recording: Recording) -> str | None:

@@ -2,8 +2,9 @@
 
 A replay repeats what the recording and the trace contain. Its verdict is computed anew, so a reason for a FAIL that
 came from elsewhere would be missing in it, and an error of the bench, such as a full disk, does not happen again. The
-replay's run.json therefore has the key `replays` with the verdict of the recorded run, and an identical replay never
-passes where the recorded run failed.
+replay's run.json therefore has the key `replays` with the verdict of the recorded run. An identical replay never passes
+where the recorded run failed, and no replay passes where it ended as ERROR: a run without a verdict cannot be repeated
+into a PASS.
 """
 
 from __future__ import annotations
@@ -12,8 +13,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from hil.run.report.page import PAGE_NAME, amend_page
 from hil.run.report.run_json import write_run_json
 from hil.run.runs.run_file import RUN_JSON_NAME
+from signals.errors import RecordingError
+
+_NOT_REPEATED = "in the run that this one replays, and not repeated"
 
 
 def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> str:
@@ -26,13 +31,19 @@ def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> st
         return ""
     status, error, reasons = recorded.get("status"), recorded.get("error"), _reasons(recorded)
     replays = {"status": status, "error": error, "reasons": reasons}
-    if identical and status == "FAIL" and fresh.get("status") == "PASS":
-        carried = [f"in the run that this one replays, and not repeated: {reason}" for reason in reasons]
+    causes = [f"{error.get('type')}: {error.get('message')}"] if isinstance(error, dict) else reasons
+    if fresh.get("status") == "PASS" and (status == "ERROR" or (identical and status == "FAIL")):
+        words = "the run that this one replays ended as ERROR" if status == "ERROR" else _NOT_REPEATED
+        carried = [f"{words}: {cause}" for cause in causes]
         fresh["status"], fresh["verdict"] = "FAIL", {**fresh.get("verdict", {}), "reasons": carried}
+        try:
+            amend_page(fresh_dir, fresh)
+        except OSError as problem:
+            text = f"{fresh_dir / PAGE_NAME}: cannot be written ({problem.strerror or problem})"
+            raise RecordingError(text) from problem
     write_run_json(fresh_dir / RUN_JSON_NAME, {**fresh, "replays": replays})
     if status == "PASS":
         return ""
-    causes = [f"{error.get('type')}: {error.get('message')}"] if isinstance(error, dict) else reasons
     return f"the run that was replayed: {status}" + (f" ({'; '.join(causes)})" if causes else "")
 
 

@@ -119,12 +119,14 @@ def validate(
         return None, [_problem(located, below, f"must be a mapping of keys, not {shown(data)}")]
     problems: list[Problem] = []
     data = json.loads(json.dumps(data))  # a copy without shared parts
+    removed: list[Place] = []
     for place, value in list(_not_finite(data, ())):
         unit = _in_unit(place)
         message = f"must be a finite number{f' in{unit}' if unit else ''}, not {value}"
         problems.append(_problem(located, below + place, message))
         _remove(data, place)
-    built, new_problems, wrong_places = _attempt(model, data, located, below)
+        removed.append(place)
+    built, new_problems, wrong_places = _attempt(model, data, located, below, removed)
     problems += new_problems
     if built is None and wrong_places:
         for place in sorted(wrong_places, key=len, reverse=True):
@@ -134,8 +136,9 @@ def validate(
 
 
 def _attempt(
-    model: type[Model], data: Any, located: Located, below: Place
+    model: type[Model], data: Any, located: Located, below: Place, removed: Iterable[Place] = ()
 ) -> tuple[Model | None, list[Problem], list[Place]]:
+    """Return the model or None, problems, and places of wrong values. What is `removed` is not called missing."""
     try:
         return model.model_validate_json(json.dumps(data), strict=True), [], []
     except ValidationError as error:
@@ -144,6 +147,8 @@ def _attempt(
         for item in error.errors(include_url=False):
             kind = item["type"]
             place = _place(item["loc"], data, last=kind == "missing")
+            if kind == "missing" and any(other[: len(place)] == place for other in removed):
+                continue
             if kind != "missing":
                 wrong_places.append(place)
             if kind == "extra_forbidden" and len(problems) >= MAX_HINTS:

@@ -8,10 +8,11 @@ added to it. `sim.world_loader.load_world` makes the geometry.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, load_model
@@ -92,6 +93,14 @@ class Scene(StrictModel):
     _file: SceneFile = PrivateAttr(default_factory=SceneFile)
     _appearance: Appearance | None = PrivateAttr(default=None)
     _original: Scene | None = PrivateAttr(default=None)
+
+    @field_validator("boxes")
+    @classmethod
+    def _own_names(cls, boxes: tuple[Box, ...]) -> tuple[Box, ...]:
+        names = Counter(box.name for box in boxes)
+        if repeated := [name for name, count in names.items() if count > 1]:
+            raise ValueError(f"two boxes are called {repeated[0]!r}: give one of them another name")
+        return boxes
 
     @model_validator(mode="after")
     def _sun_by_time_and_site(self) -> Scene:

@@ -39,7 +39,8 @@ def vehicle_aero(
     vehicle = load_vehicle(name_or_path)
     panels = next((force for force in vehicle.forces if isinstance(force, Panels)), None)
     if panels is None:
-        raise HilError(f"the vehicle {vehicle.name} has no entry of `kind: panels` in its `forces`")
+        problem = "has no entry of `kind: panels` in its `forces`"
+        raise ConfigError([Problem(name_or_path, problem, "name an aircraft, such as trainer")])
     own = PanelAircraft(panels)
     at = FlightPoint(airspeed_mps)
     other = _lattice(panels, console, wanted=lattice)

@@ -41,7 +41,7 @@ def _may_stay(bench: Bench) -> bool:
     if bench.outcome in ("aborted", "any"):
         return True
     config = bench.config
-    flown = bench.mission is not None or bench.script is not None or config.companion.flies or config.follow.flies
+    flown = bench.mission is not None or config.companion.flies or config.follow.flies
     return not flown and config.goal is None and config.search is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -31,6 +32,21 @@ def write_page(out_dir: Path, run: Mapping[str, Any], events: Sequence[Event], r
     page = out_dir / PAGE_NAME
     page.write_text(_page(run, events, report, title), encoding="utf-8")
     return page
+
+
+def amend_page(out_dir: Path, run: Mapping[str, Any]) -> None:
+    """Have a written page say the status and the reasons of `run`, found only after the page was written.
+
+    Does nothing where there is no page. Raises OSError.
+    """
+    page = out_dir / PAGE_NAME
+    if not page.is_file():
+        return
+    status, html = escape(str(run["status"])), page.read_text(encoding="utf-8")
+    html = re.sub(r"<title>\w+", f"<title>{status}", html, count=1)
+    header = f'<header class="{status.lower()}"><b>{status}</b>'
+    html = re.sub(r'<header class="\w+"><b>\w+</b>', header, html, count=1)
+    page.write_text(html.replace("</header>", f"</header>\n{_reasons(run)}", 1), encoding="utf-8")
 
 
 def headline(run: Mapping[str, Any]) -> str:
@@ -127,8 +143,12 @@ def _verdict(run: Mapping[str, Any]) -> str:
         )
         for r in verdict.get("rows") or []
     ]
-    reasons = "".join(f"<p class='error'>{escape(reason)}</p>" for reason in verdict.get("reasons") or [])
-    return reasons + (table(rows, ("measured", "value", "limit")) if rows else "<p>Nothing was judged.</p>")
+    return _reasons(run) + (table(rows, ("measured", "value", "limit")) if rows else "<p>Nothing was judged.</p>")
+
+
+def _reasons(run: Mapping[str, Any]) -> str:
+    reasons = (run.get("verdict") or {}).get("reasons") or []
+    return "".join(f"<p class='error'>{escape(reason)}</p>" for reason in reasons)
 
 
 def _warnings(run: Mapping[str, Any]) -> str:

@@ -14,7 +14,8 @@
     time_to_complete_s  from the start of the run to the last touch-down
 
 All but the last two use the ticks from `from_s` to `to_s`, both included, by default the whole run. A measurement that
-has a limit fails if it was never taken (the run ended too early, the vehicle never touched down) and if it is NaN.
+has a limit fails if it was never taken (the run ended too early, the vehicle never touched down), if the run ended
+before `to_s`, and if it is NaN.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ class Measured(NamedTuple):
     expectation: Expectation
     value: float | None
     lift_off_s: float | None = None
+    cut_s: float | None = None  # the run ended then, before the end of the window; None: it did not
 
 
 class DeclaredMeasurements:
@@ -56,12 +58,14 @@ class DeclaredMeasurements:
         self._contact = True
         self._lift_off_ns: int | None = None
         self._touch_down_ns: int | None = None
+        self._last_ns = self._tick_ns = 0
 
     def add(self, truth: TruthState) -> None:
         """Add the true state of one tick; call it for every tick, in order."""
         home = self._home
         if home is None:
             home = self._home = truth.p_WB
+        self._tick_ns, self._last_ns = truth.t_ns - self._last_ns, truth.t_ns
         for window in self._windows:
             if window.begin_ns <= truth.t_ns <= window.end_ns:
                 window.add(truth, home)
@@ -74,7 +78,8 @@ class DeclaredMeasurements:
 
     def results(self) -> list[Measured]:
         """Return every declared measurement in the order of the script; call it after the flight."""
-        values = {id(window.expectation): window.value for window in self._windows}
+        windows = {id(window.expectation): window for window in self._windows}
+        run_end_ns = self._last_ns + self._tick_ns
         touch_down_ns, lift_off_ns = self._touch_down_ns, self._lift_off_ns
         lift_off_s = None if lift_off_ns is None else lift_off_ns / NS_PER_S
         results: list[Measured] = []
@@ -91,7 +96,8 @@ class DeclaredMeasurements:
                     )
                 )
             else:
-                results.append(Measured(e, values[id(e)], lift_off_s))
+                cut = e.to_s is not None and run_end_ns < windows[id(e)].end_ns
+                results.append(Measured(e, windows[id(e)].value, lift_off_s, run_end_ns / NS_PER_S if cut else None))
         return results
 
 
@@ -171,6 +177,11 @@ def _row_and_reasons(measured: Measured) -> tuple[Row, list[str]]:
             reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed{when}")
         if e.at_least is not None and not value >= e.at_least:
             reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}{when}")
+        if limits and not reasons and measured.cut_s is not None:
+            reasons.append(
+                f"{label} was measured only until the run ended at {measured.cut_s:.1f} s{when}: set a to_s within "
+                "the flight"
+            )
     shown = None
     if limits:
         shown = min(limits, key=lambda limit: abs(limit - value)) if value is not None else limits[0]
@@ -180,9 +191,9 @@ def _row_and_reasons(measured: Measured) -> tuple[Row, list[str]]:
 def _when(measured: Measured) -> str:
     """Return the window and the take-off, since autopilots take off at different times; "" without a window."""
     e = measured.expectation
-    if e.from_s is None:
+    if e.from_s is None and e.to_s is None:
         return ""
     end = "the end" if e.to_s is None else f"{e.to_s:g} s"
     lift_off_s = measured.lift_off_s
     took_off = "it never took off" if lift_off_s is None else f"it took off at {lift_off_s:.1f} s"
-    return f" (from {e.from_s:g} s to {end}; {took_off})"
+    return f" (from {e.from_s or 0.0:g} s to {end}; {took_off})"

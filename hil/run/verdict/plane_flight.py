@@ -40,7 +40,7 @@ from hil.config.schema import PlaneLimits
 from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
 from hil.run.verdict.runway_rolls import RunwayRolls
-from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
+from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, TakeOffHeight, Verdict
 from signals.documents.validate import unit_of
 from signals.rotation import matrix_of
 from signals.samples import TruthState, Vec3
@@ -102,6 +102,7 @@ class PlaneMeasurement:
         self._reach_m = radius_m + _REACH_EXTRA_M
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
         self._stall, self._wind_at = stall, wind_at
+        self._take_off = TakeOffHeight(legs, reach_height_m=self._height_m)
         self._last_leg = legs[-1] if legs else None
         self._lands = self._last_leg is not None and self._last_leg.kind is LegKind.DESCENT
         # A return lands on a line of the autopilot's own choice.
@@ -156,6 +157,7 @@ class PlaneMeasurement:
         if self._home_up is None:
             self._home_up = up
         height = up - self._home_up
+        self._take_off.add(up)
         if not truth.in_contact and height > AIRBORNE_M:
             self._airborne = True
         if height <= _JUDGED_M or truth.in_contact:
@@ -295,8 +297,13 @@ class PlaneMeasurement:
         """True if all waypoints were reached, and the plan's end."""
         all_reached = self._reached == len(self._targets)
         known = self._last_leg is not None and self.endless_item is None
-        whole = all_reached and self.touched_early is None and self.unflown_loiter() is None
+        whole = all_reached and not self.take_off_missed and not (self.touched_early or self.unflown_loiter())
         return known and whole and self._airborne and (self.landed or not self._lands)
+
+    @property
+    def take_off_missed(self) -> str:
+        """Distance by which a plan without waypoints was flown below its take-off, in words; empty: it came up."""
+        return self._take_off.missed
 
     @property
     def touched_early(self) -> str | None:
@@ -380,6 +387,8 @@ def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, 
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
+        elif measured.take_off_missed:
+            reasons.append(measured.take_off_missed)
         elif not (measured.unflown_loiter() or measured.touched_early):
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
         reasons += [text for text in (measured.unflown_loiter(), measured.touched_early) if text]

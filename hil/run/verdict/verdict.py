@@ -20,6 +20,8 @@ altitude_error_m   Greatest |z - planned z| while cross-track is measured and th
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
+climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
+                   `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
 landed_tilt_deg    Greatest angle between the body's z axis (of a tailsitter x) and the vertical, from touch-down on.
 
@@ -70,7 +72,31 @@ class Measurements:
     landing_speed_mps: float | None
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
+    take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
+
+
+class TakeOffHeight:
+    """Tells whether a plan without waypoints was flown to the height of its take-off; other plans have waypoints."""
+
+    def __init__(self, legs: Sequence[Leg], *, reach_height_m: float = REACH_HEIGHT_M) -> None:
+        """`reach_height_m`: below the top of a take-off it counts as reached; at most half the climb."""
+        climbs = [] if waypoint_legs(legs) else [leg for leg in legs if leg.kind is LegKind.CLIMB]
+        heights = [(leg.start_W[2], leg.end_W[2]) for leg in climbs]
+        self._from_m = max((top - min(reach_height_m, (top - start) / 2) for start, top in heights), default=-math.inf)
+        self._greatest_m = -math.inf
+
+    def add(self, up_m: float) -> None:
+        """Add the height of the vehicle in W."""
+        self._greatest_m = max(self._greatest_m, up_m)
+
+    @property
+    def missed(self) -> str:
+        """Distance by which the vehicle stayed below the height that counts, in words; empty: it came up."""
+        if self._greatest_m >= self._from_m or self._greatest_m == -math.inf:
+            return ""
+        below_m = self._from_m - self._greatest_m
+        return f"the take-off was not finished: the vehicle stayed {below_m:.3g} m below where it counts"
 
 
 class FlightMeasurement:
@@ -103,6 +129,7 @@ class FlightMeasurement:
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
+        self._take_off = TakeOffHeight(legs)
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -159,6 +186,7 @@ class FlightMeasurement:
     def _measure(self, truth: TruthState) -> None:
         """Update everything that is measured once a stride."""
         up = truth.p_WB[2]
+        self._take_off.add(up)
         if self._home_up_m is None:
             self._home_up_m = up
         if not truth.in_contact and up > self._home_up_m + AIRBORNE_M:
@@ -224,6 +252,7 @@ class FlightMeasurement:
             completed=plan_end is not None
             and self._endless_item is None
             and all_reached
+            and not self._take_off.missed
             and self._airborne
             and (landed or not to_ground),
             landed=landed,
@@ -234,6 +263,7 @@ class FlightMeasurement:
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
+            take_off_missed=self._take_off.missed,
             endless_item=self._endless_item,
         )
 
@@ -400,6 +430,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+        elif measured.take_off_missed:
+            reasons.append(measured.take_off_missed)
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:

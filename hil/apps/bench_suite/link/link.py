@@ -48,13 +48,12 @@ _MIN_REALTIME_FACTOR = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
 
 
 def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False) -> BenchmarkResult:
-    """Run all parts of the benchmark; `errors_only`: without the samples and the flight in real time.
+    """Run all parts of the benchmark; `errors_only`: few samples and no flight in real time.
 
     Raises HilError if a flight ends as ERROR.
     """
     result = BenchmarkResult(time_label="time per item [s] (pacing: CPU time per second)")
-    if not errors_only:
-        _measure_pacing(result, seconds=10 if quick else 60, status=status)
+    _measure_pacing(result, seconds=0.2 if errors_only else 10 if quick else 60, status=status)
     status("messages")
     _measure_messages(result)
     with tempfile.TemporaryDirectory() as folder:
@@ -77,8 +76,8 @@ def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False) -> Be
     return result
 
 
-def _measure_pacing(result: BenchmarkResult, *, seconds: int, status: ShowStatus) -> None:
-    status(f"pacing, {seconds} s")
+def _measure_pacing(result: BenchmarkResult, *, seconds: float, status: ShowStatus) -> None:
+    status(f"pacing, {seconds:g} s")
     lateness, cpu_s, scheduling = _pace(seconds)
     p999_ms = lateness.quantile_ns(0.999) / NS_PER_MS
     figures = {q: lateness.quantile_ns(v) / 1000 for q, v in (("p50_us", 0.5), ("p99_us", 0.99), ("p999_us", 0.999))}

@@ -152,7 +152,7 @@ Method = ThisRaster | MujocoRenderer
 def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False, seed: int = 1) -> BenchmarkResult:
     """Render every scene with every method; `seed` selects viewpoints, random fields and compared pixels.
 
-    `errors_only`: the scenes' errors, without times.
+    `errors_only`: the scenes' errors, and each kind of time once, so that a step that breaks is found.
     """
     result = BenchmarkResult(time_label="processor time per picture [s]")
     problem = egl_problem()
@@ -167,6 +167,12 @@ def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False, seed:
     measurement = _Measurement(result, status, quick=quick, seed=seed, with_mujoco=not problem)
     if errors_only:
         result.checks += _error_checks({name: measurement.errors(name) for name in (*SCENES, VEHICLES)})
+        unread = BenchmarkResult(time_label=result.time_label)
+        smallest = _Measurement(unread, status, quick=True, seed=seed, with_mujoco=not problem, rounds=1)
+        smallest.times_of_scene(scene_case(SCENES[0], views=1, seed=seed), {})
+        smallest.field(100)
+        smallest.hidden_geoms()
+        smallest.speed_checks()
         return result
     with one_core():
         scene_errors = {name: measurement.scene(name) for name in (*SCENES, VEHICLES)}
@@ -185,27 +191,42 @@ class _Measurement:
     """One run of the benchmark: options, result so far, and the times that the checks need."""
 
     def __init__(
-        self, result: BenchmarkResult, status: ShowStatus, *, quick: bool, seed: int, with_mujoco: bool
+        self,
+        result: BenchmarkResult,
+        status: ShowStatus,
+        *,
+        quick: bool,
+        seed: int,
+        with_mujoco: bool,
+        rounds: int | None = None,
     ) -> None:
+        """`rounds`: pictures of which the fastest counts; None: as many as `quick` says."""
         self.result, self.status, self.quick, self.seed, self.with_mujoco = result, status, quick, seed, with_mujoco
+        self.rounds = rounds
         self.times: dict[tuple[str, str], dict[str, float]] = {}  # (case, channels) -> method -> s, at 320 x 240
 
     def scene(self, name: str) -> Errors:
         """Measure errors and times in one scene; return this project's errors at 320 x 240."""
         case = scene_case(name, views=6 if self.quick else 12, seed=self.seed)
-        is_first = name == SCENES[0]
         size_errors: dict[tuple[int, int], dict[str, Errors]] = {}
         for size in (_MAIN_RESOLUTION,) if self.quick else _RESOLUTIONS:
             camera = CameraModel.from_fov(*size, _FOV_DEG)
             pixels = _PIXELS if size == _MAIN_RESOLUTION else 4000
             size_errors[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
-            for label, (channels, shadows, shading) in _CHANNEL_SETS.items():
-                if not self.quick or is_first or (channels == _COLOUR and not shadows):
-                    times_s = self._times(case, camera, channels, shadows=shadows, shading=shading)
-                    if size == _MAIN_RESOLUTION:
-                        self.times[name, label] = times_s
-                    self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", times_s, size_errors[size])
+            self.times_of_scene(case, size_errors[size], size)
         return size_errors[_MAIN_RESOLUTION][ThisRaster.name]
+
+    def times_of_scene(
+        self, case: Case, errors_by_method: Mapping[str, Errors], size: tuple[int, int] = _MAIN_RESOLUTION
+    ) -> None:
+        """Measure the times of the sets of channels in one scene, and add their rows beside these errors."""
+        camera, is_first = CameraModel.from_fov(*size, _FOV_DEG), case.name == SCENES[0]
+        for label, (channels, shadows, shading) in _CHANNEL_SETS.items():
+            if not self.quick or is_first or (channels == _COLOUR and not shadows):
+                times_s = self._times(case, camera, channels, shadows=shadows, shading=shading)
+                if size == _MAIN_RESOLUTION:
+                    self.times[case.name, label] = times_s
+                self._rows(f"{case.name}, {label}", f"{size[0]}x{size[1]}", times_s, errors_by_method)
 
     def errors(self, name: str) -> Errors:
         """Return this project's errors at 320 x 240 in one scene; rows have no times."""
@@ -232,7 +253,7 @@ class _Measurement:
             self.status(f"200 geoms, and 19,800 {where}")
             crowded = hidden_case(200, 19_800, where=where, seed=self.seed)
             methods = {case.name: ThisRaster(case, camera, _COLOUR, shadows=False) for case in (alone, crowded)}
-            times_s = _mean_times(methods, alone.views, rounds=40)
+            times_s = _mean_times(methods, alone.views, rounds=self.rounds or 40)
             for case in (alone, crowded):
                 errors_by_method = self._errors(case, camera, 500)
                 self._rows("hidden geoms", case.name, {ThisRaster.name: times_s[case.name]}, errors_by_method)
@@ -272,7 +293,7 @@ class _Measurement:
             method.name: method for method in self._methods(case, camera, channels, shadows=shadows, shading=shading)
         }
         views = case.views[:4] if camera.width > 640 else case.views
-        times_s = _mean_times(methods, views, rounds=4 if self.quick else 10)
+        times_s = _mean_times(methods, views, rounds=self.rounds or (4 if self.quick else 10))
         for method in methods.values():
             method.close()
         return times_s

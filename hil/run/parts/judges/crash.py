@@ -6,7 +6,8 @@ A vehicle has crashed when
 
 impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before). A plane
          lands fast: it must lose that much speed within 0.2 s of the touch
-tilt     it is in contact and tilted by more than `tilt_deg` for 1 s: it lies on its side or back
+tilt     it is in contact and tilted by more than `tilt_deg`, for 1 s or when the flight ends: it lies on its side or
+         back
 rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its
          plan. Only for flights of a plan: where a script or a companion should land is not known
 
@@ -149,6 +150,11 @@ class CrashPart(Part):
         )
         self._ends_ns = truth.t_ns + _AFTERMATH_NS
         self._run.event("status" if self._wanted else "error", self._reason)
+
+    def conclude(self, run: RunContext) -> None:
+        truth = run.scheduler.truth
+        if truth is not None and truth.in_contact and self._tilted_ns is not None:
+            self._crashed(truth, _speed_mps(truth), "it lies on its side or back")
 
     def ended(self) -> bool:
         return self._ends_ns is not None and self._run.now_ns() >= self._ends_ns

@@ -1,9 +1,10 @@
 """Finds a PASS of nothing: the vehicle stood where it was all the time, and nothing else of the bench minds that.
 
-Two kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground station,
-sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which a vehicle at rest meets. And a
-script with `outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted:
-that is a FAIL. The others are warned of, because a start that is refused may be what the test is about.
+Three kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground
+station, sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which one at rest meets. A
+script without a plan is judged by its own measurements, most of which a vehicle at rest meets, too. And a script with
+`outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted: that is a FAIL.
+The others are warned of, because a start that is refused may be what the test is about.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ NOTHING_FLIES = (
     "nothing was flown or judged: the bench has no mission, and the vehicle never left its start; name a mission "
     "(--mission FILE), or connect the program that flies it before the flight ends (duration_s)"
 )
+NO_PLAN = "nothing was flown: the vehicle never left its start; have the script arm it and take off"
 ANY_OUTCOME = "nothing was flown: the vehicle never left its start, and the script takes that (outcome: any)"
 NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it never began"
 
@@ -28,8 +30,9 @@ NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it n
 class UnflownPart(Part):
     name = "unflown"
 
-    def __init__(self, outcome: Outcome) -> None:
-        self._outcome = outcome
+    def __init__(self, outcome: Outcome, *, scripted: bool = False) -> None:
+        """`scripted`: a script flies the vehicle, with a plan or without."""
+        self._outcome, self._scripted = outcome, scripted
         self._start_W: Vec3 | None = None  # from the first tick on
         self._moved = False
 
@@ -43,7 +46,7 @@ class UnflownPart(Part):
 
     def conclude(self, run: RunContext) -> None:
         if not self._moved and self._outcome != "aborted":
-            run.say("warning", ANY_OUTCOME if self._outcome == "any" else NOTHING_FLIES)
+            run.say("warning", ANY_OUTCOME if self._outcome == "any" else NO_PLAN if self._scripted else NOTHING_FLIES)
 
     def verdict(self) -> Verdict:
         begun = self._moved or self._start_W is None
@@ -51,4 +54,4 @@ class UnflownPart(Part):
 
 
 def make(bench: Bench) -> Part:
-    return UnflownPart(bench.outcome)
+    return UnflownPart(bench.outcome, scripted=bench.script is not None)

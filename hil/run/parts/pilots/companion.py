@@ -17,7 +17,7 @@ from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
 from hil.run.offboard import offboard_pilot
 from hil.run.part import Part, RunContext
-from hil.run.parts.pilots.mission import record_texts
+from hil.run.parts.pilots.mission import is_falling, record_texts
 from hil.run.report.page import Report
 from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
@@ -73,7 +73,7 @@ class CompanionPart(Part):
         return self.link.stage(AnswerCallbacks(desire, self._reported, self._detected))
 
     def ended(self) -> bool:
-        return self._pilot is not None and self._pilot.phase.value == "done"
+        return self._pilot is not None and self._pilot.phase.value == "done" and not is_falling(self._run)
 
     def conclude(self, run: RunContext) -> None:  # noqa: ARG002
         if self.link is not None:

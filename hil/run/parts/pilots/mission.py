@@ -10,6 +10,8 @@ from hil.config.missions.mission import Mission
 from hil.run.autopilot import grid_ns
 from hil.run.part import Part, RunContext
 from hil.run.recorder.recorder import Recorder
+from hil.run.verdict.verdict import REST_SPEED_MPS
+from signals.rotation import norm
 
 
 class MissionPart(Part):
@@ -18,8 +20,10 @@ class MissionPart(Part):
     def __init__(self, station: GroundStation | None, *, flies: bool, mission: Mission | None = None) -> None:
         """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats."""
         self._station, self._flies, self._mission = station, flies, mission
+        self._run: RunContext | None = None  # from `begin` on
 
     def begin(self, run: RunContext) -> None:
+        self._run = run
         if self._mission is not None:
             for note in (*self._mission.notes, *course_notes(run.bench)):
                 run.say("warning", note)
@@ -43,10 +47,21 @@ class MissionPart(Part):
         return self._station.statustexts if self._station is not None and self._flies else []
 
     def ended(self) -> bool:
-        return self._station is not None and self._flies and self._station.phase is Phase.DONE
+        done = self._station is not None and self._flies and self._station.phase is Phase.DONE
+        return done and not is_falling(self._run)
 
     def finish(self, run: RunContext) -> None:
         record_texts(run.recorder, self.texts())
+
+
+def is_falling(run: RunContext | None) -> bool:
+    """Return True while the vehicle moves in the air, by ground truth.
+
+    An autopilot that has disarmed says that it is on the ground, also high above it. A flight that ended there would
+    never see the crash.
+    """
+    truth = None if run is None else run.scheduler.truth
+    return truth is not None and not truth.in_contact and norm(truth.v_WB_W) > REST_SPEED_MPS
 
 
 def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:

@@ -15,6 +15,7 @@ from firmware_bridge.mock_pixhawk.faults import parse_fault
 from hil.config import load_bench, resolved_yaml, save_bench
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError
+from sim.physics.vehicle import VEHICLE_DIR
 from sim.sensors.catalog import KINDS
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 
@@ -121,6 +122,8 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("- a\n", "b.yaml:1: must be a mapping of keys, not [\"a\"]"),
         ("sensors: []\n", "b.yaml:1: sensors must be a mapping of names to sensors, not []"),
         ("sensors: {imu: null}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
+        ("sensors: {gps: {preset: here_plus, rate_hz: .nan}}\n",
+         "b.yaml:1: sensors.gps.rate_hz must be a finite number in Hz, not nan"),
         (SENSORS + "  rtk: {preset: here_plus}\n", "b.yaml:3: sensors.rtk.rate_hz is missing"),
         (SENSORS + "  gps: {preset: here_plsu, rate_hz: 5}\n",
          "b.yaml:3: sensors.gps.preset is unknown: 'here_plsu' (did you mean 'here_plus'?)"),
@@ -375,3 +378,15 @@ def test_a_wrong_setting_of_the_vehicle_is_named(setting: str, message: str) -> 
     with pytest.raises(ConfigError, match=message) as caught:
         load_bench(None, settings=[setting])
     assert "--set vehicle_settings" in str(caught.value)
+
+
+def test_a_wrong_value_in_a_list_of_a_vehicle_is_one_problem(tmp_path: Path) -> None:
+    text = (VEHICLE_DIR / "x500.yaml").read_text()
+    for right, wrong, problem in (
+        ("spin: cw}\n", "spin: left}\n", "rotors[2].spin must be 'ccw' or 'cw', not 'left'"),
+        ("kgm2: [0.023891, ", "kgm2: [.nan, ", "inertia_kgm2[0] must be a finite number in kg m2, not nan"),
+    ):
+        (tmp_path / "mine.yaml").write_text(text.replace(right, wrong, 1))
+        with pytest.raises(ConfigError) as error:
+            load_bench(settings=[f"vehicle={tmp_path / 'mine.yaml'}"])
+        assert [p.message for p in error.value.problems] == [problem]

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import common
 
 from hil.run.recorder.recorder import Recorder
 from hil.run.replay import _traces, compare, replay
+from hil.run.report.page import Report, write_page
 from signals.errors import RecordingError
 from signals.samples import ImuSample
 from tests.worlds.synthetic_flight import TICK_NS, Tick, fly, make_flight
@@ -25,13 +26,15 @@ def flight() -> list[Tick]:
     return make_flight(TICKS)
 
 
-def record(out: Path, flight: list[Tick], *, close: bool = True, event: str = "", tick_ns: int = TICK_NS) -> Path:
+def record(
+    out: Path, flight: list[Tick], *, close: bool = True, event: str = "", tick_ns: int = TICK_NS, status: str = "PASS"
+) -> Path:
     recorder = Recorder(out, mcap=True, tlog=False, tick_ns=tick_ns)
     if event:
         recorder.event(0, "note", event)
     fly(recorder, flight)
     if close:
-        recorder.close("PASS")
+        recorder.close(status)
     return out / "run.mcap"
 
 
@@ -147,6 +150,23 @@ def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> No
     assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
 
 
+def test_a_run_that_ended_as_error_is_compared_up_to_its_last_tick(flight: list[Tick], tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+    record(tmp_path, [*flight[:39], flight[39]._replace(received=[])], status="ERROR")
+    whole = replay(tmp_path, lambda _, out: record(out, flight))
+    assert whole.identical
+    assert str(whole).startswith("identical over 40 ticks, up to where the run ended as ERROR, digest ")
+    other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "other")
+    assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
+    shorter = replay(tmp_path, lambda _, out: record(out, flight[:30]), out_dir=tmp_path / "shorter")
+    assert "first difference at tick 30 " in str(shorter), "the fresh run did not end as ERROR"
+    record(tmp_path, flight[:40])
+    assert not replay(tmp_path, lambda _, out: record(out, flight), out_dir=tmp_path / "passed").identical
+    record(tmp_path, flight)
+    broken = replay(tmp_path, lambda _, out: record(out, flight[:40], status="ERROR"), out_dir=tmp_path / "broken")
+    assert not broken.identical
+
+
 def run_json(folder: Path, status: str, *reasons: str, **more: object) -> None:
     run = {"status": status, "error": None, "verdict": {"reasons": list(reasons), "rows": []}, **more}
     (folder / "run.json").write_text(json.dumps(run))
@@ -173,7 +193,8 @@ def test_the_verdict_of_the_recorded_run_is_carried_into_the_replay(flight: list
     run_json(tmp_path, "ERROR", error={"type": "DiskFull", "message": "no space"})
     said, fresh = replayed()
     assert said.endswith("\nthe run that was replayed: ERROR (DiskFull: no space)")
-    assert (fresh["status"], fresh["replays"]["error"]["type"]) == ("PASS", "DiskFull")
+    assert (fresh["status"], fresh["replays"]["error"]["type"]) == ("FAIL", "DiskFull")
+    assert fresh["verdict"]["reasons"] == ["the run that this one replays ended as ERROR: DiskFull: no space"]
     run_json(tmp_path, "PASS")
     said, fresh = replayed()
     assert "the run that was replayed" not in said
@@ -187,6 +208,26 @@ def test_the_verdict_of_the_recorded_run_is_carried_into_the_replay(flight: list
     said, fresh = replayed(differs)
     assert "first difference at tick 9 " in said
     assert fresh["status"] == "PASS"  # another flight, with a verdict of its own
+    run_json(tmp_path, "ERROR", error={"type": "LockstepLost", "message": "no answer"})
+    said, fresh = replayed(differs)
+    assert fresh["status"] == "FAIL", "it may differ only because it flew on where the link was lost"
+
+
+def test_the_page_of_a_replay_says_what_its_run_json_says(flight: list[Tick], tmp_path: Path) -> None:
+    record(tmp_path, flight[:50])
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+    run_json(tmp_path, "ERROR", error={"type": "LockstepLost", "message": "no answer <5 s>"})
+
+    def passes(_config: Path, out: Path) -> None:
+        record(out, flight[:50])
+        run_json(out, "PASS")
+        write_page(out, json.loads((out / "run.json").read_text()), [], Report())
+
+    replay(tmp_path, passes)
+    page = (tmp_path / "replay" / "report.html").read_text()
+    assert "PASS" not in page
+    assert '<header class="fail"><b>FAIL</b>' in page
+    assert "ended as ERROR: LockstepLost: no answer &lt;5 s&gt;" in page
 
 
 def test_replay_names_the_reason_if_it_is_impossible(flight: list[Tick], tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene import atmosphere
 from sim.scene.atmosphere import geopotential_m, pressure_altitude_m, pressure_pa
-from sim.scene.scene import Site, load_scene, scene_names
+from sim.scene.scene import SCENE_DIR, Site, load_scene, scene_names
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 from sim.world_loader import load_world
 
@@ -139,3 +139,11 @@ def test_vehicle_physics_is_checked(old: str, new: str, says: str, tmp_path: Pat
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError, match=says):
         load_vehicle(path)
+
+
+def test_two_boxes_of_one_name_are_named_with_their_line(tmp_path: Path) -> None:
+    boxes = "".join(f"{{name: crate, center_m: [{x}, 0, 0.5], size_m: [1, 1, 1]}}, " for x in (5, 9))
+    text = (SCENE_DIR / "airfield.yaml").read_text().replace("boxes: []", f"boxes: [{boxes}]")
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=r"mine\.yaml:8: boxes: two boxes are called 'crate'"):
+        load_scene(str(tmp_path / "mine.yaml"))

@@ -53,7 +53,7 @@ def test_files(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_without_panels(tmp_path: Path) -> None:
-    with pytest.raises(HilError, match="no entry of `kind: panels`"):
+    with pytest.raises(ConfigError, match="x500: has no entry of `kind: panels`"):
         vehicle_aero("x500", Console(quiet=True), airspeed_mps=15.0, out=tmp_path, lattice=False, points=None)
 
 

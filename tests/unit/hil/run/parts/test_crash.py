@@ -37,7 +37,7 @@ class Judged:
             event=lambda _kind, text: self.events.append(text),
             physics=SimpleNamespace(state=_Start(), launching=launching),
         )
-        self.physics = run.physics
+        self.run, self.physics = run, run.physics
         self.tick = 0
         self.part.begin(run)
 
@@ -168,3 +168,34 @@ def test_what_a_launcher_holds_has_not_crashed() -> None:
     judged.physics.launching = False
     assert judged.stay(3.0, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
     assert "it lies on its side or back" in judged.reasons[0]
+
+
+@pytest.mark.parametrize(("contact", "crashed"), [(True, True), (False, False)])
+def test_a_flight_that_ends_on_its_side_has_crashed_however_short_it_lay(contact: bool, crashed: bool) -> None:
+    judged = Judged()
+    judged.stay(1.0, (0.0, 0.0, 3.0), v=(0.0, 0.0, -5.0))
+    judged.stay(0.1, (0.0, 0.0, 0.2), q=ON_ITS_SIDE, contact=True)
+    judged.stay(0.1, (0.0, 0.0, 0.3), q=ON_ITS_SIDE, contact=contact)
+    assert judged.reasons == ()
+    judged.part.conclude(judged.run)
+    assert bool(judged.reasons) is crashed
+
+
+@pytest.mark.parametrize("outcome", ["any", "aborted"])
+@pytest.mark.parametrize(("delay_s", "how"), [(4, "impact at "), (1.5, "it lies on its side or back")])
+def test_a_vehicle_that_is_disarmed_in_the_air_falls_until_it_crashes(
+    outcome: str, delay_s: float, how: str, tmp_path: Path
+) -> None:
+    """The mock, like other firmware, says that it is on the ground as soon as it is disarmed."""
+    disarm = f"{{after: takeoff, delay_s: {delay_s}, command: {{id: 400, params: [0, 21196]}}}}"  # by force
+    plan = "square.waypoints" if delay_s > 2 else "short.waypoints"
+    (tmp_path / "script.yaml").write_text(
+        f"plan: {Path('rigs/missions', plan).resolve()}\noutcome: {outcome}\nactions: [{disarm}]\n"
+        "limits: {max_cross_track_m: null, altitude_error_m: null, final_error_m: null, landing_speed_mps: null, "
+        "landed_tilt_deg: null}\n"
+    )
+    settings = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}")
+    bench = load_bench(mission=str(tmp_path / "script.yaml"), settings=settings)
+    run = run_bench(bench, tmp_path / "run", quiet=True).run
+    assert run["status"] == "FAIL", run["sim_s"]
+    assert f"crashed: {how}" in run["verdict"]["reasons"][0]

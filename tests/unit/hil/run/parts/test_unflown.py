@@ -12,7 +12,7 @@ from hil.config import load_bench
 from hil.config.missions.script import Outcome
 from hil.run.bench_run import run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.judges.unflown import ANY_OUTCOME, NOT_BEGUN, NOTHING_FLIES, UnflownPart
+from hil.run.parts.judges.unflown import ANY_OUTCOME, NO_PLAN, NOT_BEGUN, NOTHING_FLIES, UnflownPart
 
 QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}", "duration_s=1")
 
@@ -30,6 +30,17 @@ def test_a_mission_that_never_began_was_not_aborted(outcome: str, status: str, w
     run = run_bench(load_bench(mission=str(script), settings=QUICK), tmp_path / "run", quiet=True).run
     assert run["status"] == status
     assert words in [*run["verdict"]["reasons"], *(row["text"] for row in run["warnings"])]
+
+
+def test_a_script_without_a_plan_that_never_flew_says_so(tmp_path: Path) -> None:
+    script = tmp_path / "script.yaml"
+    script.write_text(
+        "actions: [{at_s: 0.5, param: {MIS_TAKEOFF_ALT: 5}, required: false}]\n"
+        "expect: [{measure: max_tilt_deg, at_most: 35}]\n"
+    )
+    run = run_bench(load_bench(mission=str(script), settings=QUICK), tmp_path / "run", quiet=True).run
+    assert run["status"] == "PASS"
+    assert NO_PLAN in [row["text"] for row in run["warnings"]]
 
 
 def test_what_is_judged_anyhow_has_no_such_part() -> None:

@@ -130,6 +130,15 @@ def test_a_missed_window_names_the_take_off() -> None:
     assert verdict_of(window, late[:2000]).reasons == (missed + "it never took off)",)
 
 
+@pytest.mark.parametrize(("to_s", "status"), [(9.9, "PASS"), (10.004, "PASS"), (10.5, "FAIL"), (1000.0, "FAIL")])
+def test_a_window_that_the_run_did_not_reach_the_end_of_was_not_measured(to_s: float, status: str) -> None:
+    for window in ({"from_s": 4.0, "to_s": to_s}, {"to_s": to_s}):
+        verdict = verdict_of({"expect": ({"measure": "max_tilt_deg", "at_most": 90.0, **window},)}, hop())
+        assert verdict.status == status
+        assert ["only until the run ended at 10.0 s" in r for r in verdict.reasons] == [True] * (status == "FAIL")
+        assert verdict_of({"expect": ({"measure": "max_tilt_deg", **window},)}, hop()).status == "PASS"  # only shown
+
+
 def test_limits_on_measurements_decide() -> None:
     good = verdict_of({"expect": ({"measure": "max_tilt_deg", "at_most": 21.0},)}, hop())
     assert good.status == "PASS"

@@ -175,3 +175,11 @@ def test_the_amount_of_a_loiter_comes_from_its_item() -> None:
     legs, items = plan((FLY, 18, 3.0, FIRST), (FLY, 19, 25.0, CENTRE), (FLY, 16, 9.0, LAST), (FLY, 18, math.nan, FIRST))
     amounts = [(stop.turns, stop.time_s) for stop in stops_of(legs, items) if stop.leg is not None]
     assert amounts == [(3.0, 0.0), (0.0, 25.0), (0.0, 0.0), (1.0, 0.0)]
+
+
+@pytest.mark.parametrize(("came_to_m", "missed"), [(15.0, True), (39.0, True), (41.0, False), (50.0, False)])
+def test_a_plan_of_a_take_off_alone_wants_its_height(came_to_m: float, missed: bool) -> None:
+    legs, items = plan((LegKind.DESCENT, 21, 0.0, (1200.0, 0.0, 0.0)))
+    top = (400.0, 0.0, came_to_m)
+    verdict = judged(legs, items, [HOME, top, (1200.0, 0.0, 0.0)], rests=True)
+    assert any(reason.startswith("the take-off was not finished: ") for reason in verdict.reasons) is missed

@@ -153,6 +153,20 @@ def test_never_taking_off_fails_every_declared_limit() -> None:
     assert judge(flown([], [HOME, HOME]), Limits()).status == "PASS"  # no mission, nothing to fail
 
 
+@pytest.mark.parametrize(
+    ("top_m", "came_to_m", "status"),
+    [(50.2, 5.0, "FAIL"), (50.2, 48.1, "FAIL"), (50.2, 48.3, "PASS"), (1.2, 0.6, "FAIL"), (1.2, 0.8, "PASS")],
+)
+def test_a_plan_of_a_take_off_alone_wants_its_height(top_m: float, came_to_m: float, status: str) -> None:
+    top = (0.0, 0.0, top_m)
+    plan = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.DESCENT, 1, top, HOME)]
+    measured = flown(plan, [HOME, (0.0, 0.0, came_to_m), HOME])
+    verdict = judge(measured, Limits())
+    assert (verdict.status, measured.completed) == (status, status == "PASS")
+    words = "the take-off was not finished: the vehicle stayed "
+    assert [reason.startswith(words) for reason in verdict.reasons] == [True] * (status == "FAIL")
+
+
 def test_hanging_in_the_air_is_no_landing() -> None:
     measured = flown(rectangle(), tour(CORNERS)[:-1])
     assert (measured.reached, measured.landed, measured.completed, measured.final_error_m) == (5, False, False, None)
