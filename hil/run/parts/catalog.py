@@ -45,6 +45,13 @@ def _may_stay(bench: Bench) -> bool:
     return not flown and config.goal is None and config.search is None
 
 
+def _may_touch(bench: Bench) -> bool:
+    """Return True if the vehicle should land where it touches something, and there is more than flat ground."""
+    crash, scene = bench.config.crash, bench.scene
+    asked = crash is not None and crash.touch_m is not None and bench.outcome not in ("crashed", "any")
+    return asked and not is_plane(bench.vehicle) and bool(scene.boxes or not scene.has_only_boxes)
+
+
 def _always(bench: Bench) -> bool:  # noqa: ARG001
     return True
 
@@ -64,6 +71,7 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.vtol_flight", lambda bench: is_vtol(bench.vehicle)),
     ("judges.plane_flight", lambda bench: is_plane(bench.vehicle)),
     *_CRASH,
+    ("judges.touch", _may_touch),
     ("judges.fly_away", lambda bench: bench.config.fly_away_m is not None),
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
