@@ -48,7 +48,7 @@ def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False) -> Be
         for radar in (True, False):
             status("lower bound: encoding and writing alone")
             with plan_of("low", frames=40, radar=radar) as plan:
-                bounds_s[radar] = lower_bound_s(plan) / usable_processors()
+                bounds_s[radar] = lower_bound_s(plan, Path(folder) / f"bound-{radar}") / usable_processors()
         for quality in ("low",) if quick else QUALITIES:
             frames = _QUICK_FRAMES if quick else _FRAMES if quality == "low" else _HIGHER_QUALITY_FRAMES
             for radar in (True, False):
