@@ -59,7 +59,11 @@ def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
     """
     path = root / _finished_path(index)
     try:
-        record, chunk = pickle.loads(path.read_bytes())  # noqa: S301 (written by our own worker a moment ago)
+        with open(path, "rb") as file:
+            record = pickle.load(file)  # noqa: S301 (written by our own worker a moment ago)
+            chunk = file.read()
+        if len(chunk) != record.chunk.size:
+            raise EOFError(f"{len(chunk)} bytes of a chunk of {record.chunk.size}")
         path.unlink()
     except (OSError, EOFError, pickle.UnpicklingError) as error:
         raise RecordingError(f"{path}: a worker's result cannot be read ({error}); continue with --resume") from error
@@ -211,7 +215,7 @@ class BatchWriter:
         """Write the file that `take_finished` reads: record and chunk of the recording. Raises RecordingError."""
         data, summary, channels = pack_frames(list(self._maker.series.values()))
         chunk = StoredChunk(len(data), crc32(data), summary, channels)
-        self._maker.tree.write(_finished_path(self._batch.index), pickle.dumps((self._record(chunk), data)))
+        self._maker.tree.write_parts(_finished_path(self._batch.index), (pickle.dumps(self._record(chunk)), data))
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._maker.tree.write(path, data))

@@ -375,7 +375,7 @@ def test_shadows_of_what_is_out_of_sight_are_drawn_and_others_change_nothing() -
             to_C = np.reshape(pose.R_WC, (3, 3))
             seen = [_is_within((points - np.array(pose.p_WC)) @ to_C) for points in (centres, feet)]
             cast_from_beyond += int(np.count_nonzero(~seen[0] & seen[1]))
-    assert cast_from_beyond > 5
+    assert cast_from_beyond >= 5
 
 
 def _is_within(points_C: NDArray[np.float64]) -> NDArray[np.bool_]:
