@@ -79,7 +79,7 @@ def _rates(result: BenchmarkResult, folder: Path, box_error_px: float, status: S
     for radar in sizes.radar:
         status("lower bound: encoding and writing alone")
         with plan_of("low", frames=sizes.bound_frames, radar=radar) as plan:
-            bounds_s[radar] = lower_bound_s(plan) / usable_processors()
+            bounds_s[radar] = lower_bound_s(plan, folder / f"bound-{radar}") / usable_processors()
     for quality, radar, storage in product(sizes.qualities, sizes.radar, (True, False)):
         frames = sizes.frames if quality == "low" else sizes.higher_frames
         name = f"{'with' if radar else 'without'} radar, {'stored' if storage else 'not stored'}"

@@ -123,25 +123,28 @@ def measure_unstored(plan: DatasetPlan) -> Rate:
     return Rate(plan.frames, time.monotonic() - began_s, steady)
 
 
-def lower_bound_s(plan: DatasetPlan) -> float:
-    """Return the seconds per frame that one process takes to encode and write the samples of a few batches."""
+def lower_bound_s(plan: DatasetPlan, root: Path) -> float:
+    """Return the seconds per frame that one process takes to encode and write the samples of a few batches to `root`.
+
+    Delete what it has written after all rates have been measured: for minutes after the deletion of many files, ext4
+    makes each new one more slowly, since it passes over their inodes.
+    """
     batches: list[Batch] = []
     fly_for_frames(plan, lambda batch, _part: batches.append(batch))
-    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
-        maker = BatchMaker(plan, TreeWriter(Path(folder)))
-        frame_s = []
-        for batch in batches:
-            writer = BatchWriter(maker, batch)
-            spent_s = 0.0
-            for moment in batch.moments:
-                for due in moment.due:
-                    sample = maker.sample(moment.truth, due)  # valid until the sensor's next one
-                    began_s = time.perf_counter()
-                    writer.store(due.sensor, sample, moment.frame)
-                    spent_s += time.perf_counter() - began_s
-            began_s = time.perf_counter()
-            writer.finish()
-            frame_s.append((spent_s + time.perf_counter() - began_s) / batch.frames)
+    maker = BatchMaker(plan, TreeWriter(root))
+    frame_s = []
+    for batch in batches:
+        writer = BatchWriter(maker, batch)
+        spent_s = 0.0
+        for moment in batch.moments:
+            for due in moment.due:
+                sample = maker.sample(moment.truth, due)  # valid until the sensor's next one
+                began_s = time.perf_counter()
+                writer.store(due.sensor, sample, moment.frame)
+                spent_s += time.perf_counter() - began_s
+        began_s = time.perf_counter()
+        writer.finish()
+        frame_s.append((spent_s + time.perf_counter() - began_s) / batch.frames)
     return float(np.median(frame_s))
 
 

@@ -46,6 +46,7 @@ class RenderSkips:
     mesh_backs: bool = True  # triangles of closed meshes that face away
     static_shadows: bool = True  # the shadow map of static geoms is drawn once
     unseen_actors: bool = True  # actors that no pixel (and no shadow) can show are not posed
+    unseen_shadows: bool = True  # moving geoms whose shadows no pixel can show are not drawn in the shadow map
 
     @classmethod
     def none(cls) -> RenderSkips:
@@ -144,7 +145,8 @@ class FrameRenderer:
         if not self.geometry.settled:
             self.geometry.pose_within(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if skip_unseen else None)
         if shadows is not None:
-            shadows.update(self.skips.static_shadows)
+            seen_by = self._picture if self.skips.unseen_shadows and self.camera.pinhole else None
+            shadows.update(self.skips.static_shadows, seen_by, pose.p_WC, pose.R_WC)
         first, last = rows if rows is not None else (0, self.camera.height)
         if self._supersampled is not None and "rgb" in arrays:
             buffers, out_rgb = self._larger_rgb, arrays.pop("rgb")

@@ -223,7 +223,16 @@ void bind_frame(nb::module_ &m) {
                 new (self) fr::SunShadows(geometry, sun_W.data(), resolution, set);
             },
             "geometry"_a, "sun_W"_a, "resolution"_a, "isa"_a = "", nb::keep_alive<1, 2>())
-        .def("update", &fr::SunShadows::update, "reuse_static"_a, nb::call_guard<nb::gil_scoped_release>());
+        .def(
+            "update",
+            [](fr::SunShadows &self, bool reuse_static, const fr::Picture *picture, const Vec3 &p_WC, const Mat3 &R_WC) {
+                const fr::RasterCamera camera = camera_of(p_WC, R_WC, {});
+                nb::gil_scoped_release free;
+                self.update(reuse_static, picture == nullptr ? nullptr : &picture->raster(), &camera);
+            },
+            "reuse_static"_a, "picture"_a.none(), "p_WC"_a, "R_WC"_a,
+            "Draw what has moved: all, but for a picture of a pinhole camera at this pose at least the moving geoms whose "
+            "shadows it can show.");
 
     nb::class_<fr::SkyVisibility>(m, "SkyVisibility", "Ambient occlusion of the static geoms (frame/sky_visibility.hpp).")
         .def(

@@ -46,12 +46,23 @@ class ObjectEcho(NamedTuple):
 
 
 class ObjectEchoes:
-    """Finds the objects in pictures of one camera. The picture needs the channel `instance`, too."""
+    """Finds the objects in pictures of one camera. The picture needs the channel `instance`, too.
+
+    `wanted`, (65536,) bool: True for the instances to find; by default all but 0.
+    """
 
     def __init__(
-        self, camera: CameraModel, world: World, chirp: Chirp, antenna: Antenna, receiver: Receiver, mask: Mask
+        self,
+        camera: CameraModel,
+        world: World,
+        chirp: Chirp,
+        antenna: Antenna,
+        receiver: Receiver,
+        mask: Mask,
+        wanted: NDArray[np.bool_] | None = None,
     ) -> None:
         """Raises the errors of `Scatterers`."""
+        self._wanted = np.arange(65536) > 0 if wanted is None else wanted
         limit_m = chirp.max_range_m if mask.max_range_m is None else min(mask.max_range_m, chirp.max_range_m)
         in_range = mask.model_copy(update={"max_range_m": limit_m})
         self._scatterers = Scatterers(camera, world, chirp, antenna, receiver, in_range)
@@ -64,8 +75,10 @@ class ObjectEchoes:
         self._direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
 
     def find(self, picture: Mapping[str, NDArray[Any]], pose: CameraPose) -> list[ObjectEcho]:
-        """Return the objects by rising instance id; pixels without an instance (0) belong to none."""
-        echoes = self._scatterers.collect({**picture, "radial_velocity": self._pixel}, pose)
+        """Return the objects by rising instance id."""
+        # Most pixels show ground and sky: their surfaces are taken away, so that they make no echoes.
+        material = picture["material"] * self._wanted.take(picture["instance"])
+        echoes = self._scatterers.collect({**picture, "material": material, "radial_velocity": self._pixel}, pose)
         of_pixels = self._scatterers.last.kept
         pixel = echoes.speed_mps[:of_pixels].astype(np.int64)
         speed_mps = echoes.speed_mps.copy()
@@ -81,7 +94,7 @@ class ObjectEchoes:
         total_input = np.bincount(instance, input_power, count)
         nearest_m = np.full(count, np.inf)
         np.minimum.at(nearest_m, instance, echoes.range_m)
-        found = np.flatnonzero((total > 0.0) & (np.arange(count) > 0))
+        found = np.flatnonzero((total > 0.0) & self._wanted[:count])  # a corner's direction may show any instance
 
         def mean(values: Float64) -> Float64:
             return np.bincount(instance, power * values, count)[found] / total[found]

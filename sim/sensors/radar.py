@@ -237,11 +237,14 @@ class Radar(InstalledSensor):
         """True for a radar with bounces."""
         return self._parameters.bounces is not None
 
-    def label_objects(self) -> None:
-        """Find the objects of every frame, into `objects`. Call before the first frame; samples do not change."""
+    def label_objects(self, wanted: NDArray[np.bool_] | None = None) -> None:
+        """Find the objects of every frame, into `objects`. Call before the first frame; samples do not change.
+
+        `wanted`, (65536,) bool: True for the instances to find; by default all but 0.
+        """
         p = self._parameters
         self._object_echoes = ObjectEchoes(
-            self.view.camera, self._frames.geometry.world, p.chirp, p.antenna, p.receiver, p.mask
+            self.view.camera, self._frames.geometry.world, p.chirp, p.antenna, p.receiver, p.mask, wanted
         )
         self.channels = (*self._radar.channels, "instance")
 

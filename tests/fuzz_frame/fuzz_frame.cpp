@@ -159,7 +159,7 @@ void one(std::uint64_t seed) {
     }
     for (int number = 0; number < (huge ? 1 : 3); ++number) {
         stir(rng, geometry);
-        if (shadows != nullptr) shadows->update(true);
+        if (shadows != nullptr) shadows->update(true, nullptr, nullptr);
         shot.shadows = shadows.get();
         shot.camera = random_camera(rng, geometry);
         const Channels whole = take(*picture, shot, kAll, 0, height, 1);
@@ -175,7 +175,7 @@ void one(std::uint64_t seed) {
             std::unique_ptr<SunShadows> sun;
             if (shadows != nullptr) {
                 sun = std::make_unique<SunShadows>(geometry, shot.light.sun_W, resolution, isa);
-                sun->update(true);
+                sun->update(true, nullptr, nullptr);
                 again.shadows = sun.get();
             }
             same(whole, take(other, again, kAll, 0, height, 1), 0, height, isa_name(isa));
@@ -198,6 +198,13 @@ void one(std::uint64_t seed) {
             }
         }
         Shot slow = shot;
+        if (shadows != nullptr) {
+            SunShadows some(geometry, shot.light.sun_W, resolution, best_isa());
+            some.update(true, &picture->raster(), &shot.camera);
+            slow.shadows = &some;
+            same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "shadows that the picture can show");
+            slow.shadows = shot.shadows;
+        }
         slow.options.frustum_culling = false;
         same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "frustum culling");
         slow.options = shot.options;

@@ -26,7 +26,7 @@ from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, visible_objects
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
-from hil.apps.dataset.formats.radar_labels import labelled, radar_labels_csv
+from hil.apps.dataset.formats.radar_labels import radar_labels_csv
 from hil.apps.dataset.formats.radar_npy import npy
 from hil.apps.dataset.moments import Batch, DueSample, Moment, Taken
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
@@ -59,7 +59,11 @@ def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
     """
     path = root / _finished_path(index)
     try:
-        record, chunk = pickle.loads(path.read_bytes())  # noqa: S301 (written by our own worker a moment ago)
+        with open(path, "rb") as file:
+            record = pickle.load(file)  # noqa: S301 (written by our own worker a moment ago)
+            chunk = file.read()
+        if len(chunk) != record.chunk.size:
+            raise EOFError(f"{len(chunk)} bytes of a chunk of {record.chunk.size}")
         path.unlink()
     except (OSError, EOFError, pickle.UnpicklingError) as error:
         raise RecordingError(f"{path}: a worker's result cannot be read ({error}); continue with --resume") from error
@@ -75,11 +79,11 @@ class BatchMaker:
         frames = SharedFrames(plan.world)
         self.frames = frames.seen_by(plan.vehicle) if plan.vehicle else frames
         self.frames.expect(0)
-        self.sensors: dict[str, Any] = self._make_sensors()
         world = self.frames.geometry.world
         self.catalogue = Catalogue.of_geoms(
             self.frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)
         )
+        self.sensors: dict[str, Any] = self._make_sensors()
         self.encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m), self.catalogue.palette)
         self.labels = LabelReader(self.catalogue)
         self.objects: ObjectWriter | None = None
@@ -92,7 +96,7 @@ class BatchMaker:
     def _make_sensors(self) -> dict[str, Any]:
         sensors = self.plan.frame_sensors
         simulated = SimulatedSensors(self.plan.bench, sensors, self.frames)
-        return {name: simulated.make(name, label_radars=True) for name in sensors}
+        return {name: simulated.make(name, labelled=self.catalogue.labelled) for name in sensors}
 
     def new_series(self, *, with_transform: bool) -> dict[str, EncodedFrames]:
         """Return an empty series of recorded frames per sensor.
@@ -211,7 +215,7 @@ class BatchWriter:
         """Write the file that `take_finished` reads: record and chunk of the recording. Raises RecordingError."""
         data, summary, channels = pack_frames(list(self._maker.series.values()))
         chunk = StoredChunk(len(data), crc32(data), summary, channels)
-        self._maker.tree.write(_finished_path(self._batch.index), pickle.dumps((self._record(chunk), data)))
+        self._maker.tree.write_parts(_finished_path(self._batch.index), (pickle.dumps(self._record(chunk)), data))
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._maker.tree.write(path, data))
@@ -271,7 +275,7 @@ class BatchWriter:
         for channel, array in sample.channels.items():
             self._write_data(name, channel, sample.t_capture_ns, "npy", npy(array))
         radar, t_ns = self._maker.sensors[name], sample.t_capture_ns
-        objects = labelled(radar.objects, self._maker.catalogue)
+        objects = radar.objects
         folder = f"{ROOT}/{self.plan.folder(name, next(iter(sample.channels)))}/{RADAR_LABELS}"
         ghosts = radar.ghosts if radar.has_ghosts else None
         self._write(f"{folder}/{t_ns}.csv", radar_labels_csv(objects, self._maker.catalogue, ghosts))

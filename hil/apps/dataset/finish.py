@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.apps.dataset.formats import kitti, nuscenes, voc
 from hil.apps.dataset.formats.boxes import FOLDER as BOXES
-from hil.apps.dataset.formats.coco import CocoPicture, coco_parts
+from hil.apps.dataset.formats.coco import coco_parts
 from hil.apps.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, Datasheet, datasheet_html
 from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue
@@ -118,7 +118,7 @@ def finish(
     if plan.labelled is not None:
         names = [str(t_ns) for t_ns in counts.frame_t_ns]
         written += [tree.write(f"{IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
-        written += _coco_files(plan, tree, split, catalogue, store.coco_pictures)
+        written += _coco_files(plan, store, split, catalogue, records)
     if plan.formats:
         written += object_files(plan, tree, split, catalogue, store.annotated_frames)
     written.append(tree.write(SPLIT_NAME, split_text(split).encode()))
@@ -166,21 +166,18 @@ def _instances(plan: DatasetPlan) -> dict[str, int]:
 
 
 def _coco_files(
-    plan: DatasetPlan,
-    tree: TreeWriter,
-    split: Split,
-    catalogue: Catalogue,
-    pictures: Callable[[], Iterable[CocoPicture]],
+    plan: DatasetPlan, store: DatasetStore, split: Split, catalogue: Catalogue, records: Sequence[BatchRecord]
 ) -> Iterator[Written]:
     """Write one COCO file per set and one of all frames. A set without frames has a file without images."""
+    tree = TreeWriter(store.root)
     description = f"{plan.bench.scene.name}, seed {plan.config.seed}"
     for name, short in {**_COCO_NAMES, "": "all"}.items():
         ids = {frame + 1 for frame in (split.frames(name) if name else range(len(split.set_by_frame)))}
-
-        def selected(ids: set[int] = ids) -> Iterator[CocoPicture]:
-            return (picture for picture in pictures() if picture.image_id in ids)
-
-        parts = coco_parts(selected, catalogue, description=description, licence=LICENCE)
+        batches = {
+            r.index for r in records if not ids.isdisjoint(range(r.first_frame + 1, r.first_frame + r.frames + 1))
+        }
+        pictures = (picture for picture in store.coco_pictures(batches) if picture.image_id in ids)
+        parts = coco_parts(pictures, catalogue, description=description, licence=LICENCE)
         yield tree.write_parts(f"{ANNOTATIONS}/instances_{short}.json", _chunks(parts))
 
 

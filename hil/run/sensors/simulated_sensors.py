@@ -10,6 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.config import Bench, SensorConfig
 from hil.config.sensors.radar_checks import radars, view_of
 from signals.errors import RecordingError
@@ -47,10 +50,13 @@ class SimulatedSensors:
         cameras = {p.frame for p in radars(wanted).values() if p.frame is not None}
         self._shared = {name: view_of(sensors[name]) for name in sorted(cameras)}
 
-    def make(self, name: str, parts: Mapping[str, Any] | None = None, *, label_radars: bool = False) -> Any:
+    def make(
+        self, name: str, parts: Mapping[str, Any] | None = None, *, labelled: NDArray[np.bool_] | None = None
+    ) -> Any:
         """Return the sensor of that name. `parts`: parameters that replace the bench's own, such as fewer channels.
 
-        With `label_radars`, a radar also finds the objects of its frames (`Radar.objects`).
+        With `labelled`, (65536,) True for the instances to find, a radar also finds the objects of its frames
+        (`Radar.objects`).
         Raises the errors of `sim.sensors.catalog.make_sensor`.
         """
         config = self._bench.config
@@ -71,8 +77,8 @@ class SimulatedSensors:
             overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),
         )
         if isinstance(sensor, Radar):
-            if label_radars:
-                sensor.label_objects()
+            if labelled is not None:
+                sensor.label_objects(labelled)
             sensor.view.add_reader(sensor.channels, partial(is_due, **tick_rates(settings, config.tick_hz)))
         return sensor
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "sky_pattern.hpp"
+#include "view.hpp"
 
 namespace hil::sim::frame {
 
@@ -15,6 +16,7 @@ namespace {
 
 constexpr double kMargin = 2.0;          // [m] around the geoms that cast shadows
 constexpr double kWidest = 2000.0;       // [m] greatest extent of a scene with shadows
+constexpr double kDepths = 1e7;          // [m] below everything
 
 }  // namespace
 
@@ -34,6 +36,11 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
         camera_.R_WC[3 * i + 1] = y[i];
         camera_.R_WC[3 * i + 2] = z[i];
     }
+    lowest_m_ = std::numeric_limits<double>::infinity();
+    for (const std::int32_t plane : geometry.unbounded()) {
+        const Geom &g = geometry.geoms()[static_cast<std::size_t>(plane)];
+        lowest_m_ = std::min(lowest_m_, g.R_WG[2] == 0.0 && g.R_WG[5] == 0.0 ? g.p_WG[2] : -kDepths);
+    }
     double lo[3], hi[3];
     std::fill(lo, lo + 3, std::numeric_limits<double>::infinity());
     std::fill(hi, hi + 3, -std::numeric_limits<double>::infinity());
@@ -42,6 +49,7 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
         // Moving geoms are left out: the extent of the map must not depend on their current poses.
         if (geom.moving || !geometry.shown(static_cast<int>(g)) || std::isinf(geom.half[0]) || std::isinf(geom.half[1])) continue;
         const Aabb &box = geometry.world_box(static_cast<int>(g));
+        lowest_m_ = std::min(lowest_m_, static_cast<double>(box.lo[2]));
         for (int corner = 0; corner < 8; ++corner) {
             double p[3];
             for (int i = 0; i < 3; ++i) p[i] = std::clamp<double>(corner >> i & 1 ? box.hi[i] : box.lo[i], -kWidest, kWidest);
@@ -105,7 +113,39 @@ void SunShadows::note_sole(Map &map, bool sparse) {
     }
 }
 
-void SunShadows::update(bool reuse_static) {
+// Adds the moving geoms whose shadows a picture can show to those in the map; returns true if there was any. A point reads
+// the pixels around it, so a geom that none of a picture's points comes near does not matter to it.
+bool SunShadows::add_casters(const Raster *picture, const RasterCamera *camera) {
+    const auto &moving = geometry_.moving();
+    double lowest_m = lowest_m_;
+    for (const std::int32_t geom : moving) {
+        if (geometry_.shown(geom)) lowest_m = std::min(lowest_m, static_cast<double>(geometry_.world_box(geom).lo[2]));
+    }
+    const double pad = 2.0 / pixels_per_m_ + 1e-3, down = camera_.R_WC[8];
+    View view{};
+    const bool bounded = picture != nullptr && picture->rays().projection == Projection::kPinhole;
+    if (bounded) view = picture->view(*camera, {}, 0, ceil_div(picture->buffer().height, kBlock));
+    bool any = false;
+    for (std::size_t i = 0; i < moving.size(); ++i) {
+        if (casters_[i] != 0 || !geometry_.shown(moving[i])) continue;
+        if (bounded) {
+            const Aabb &box = geometry_.world_box(moving[i]);
+            const double length = (box.hi[2] - lowest_m + 1.0) / -down;  // of the shadow, and a metre for rounding
+            double centre[3], half[3], way[3];
+            for (int k = 0; k < 3; ++k) {
+                centre[k] = 0.5 * (static_cast<double>(box.lo[k]) + box.hi[k]);
+                half[k] = 0.5 * (static_cast<double>(box.hi[k]) - box.lo[k]);
+                way[k] = camera_.R_WC[3 * k + 2] * length;
+            }
+            if (view.outside_on_its_way(centre, half, way, pad)) continue;
+        }
+        casters_[i] = 1;
+        any = true;
+    }
+    return any;
+}
+
+void SunShadows::update(bool reuse_static, const Raster *picture, const RasterCamera *camera) {
     RasterOptions options;
     options.near_t = 0.0f;
     options.far_t = 1e6f;
@@ -113,7 +153,11 @@ void SunShadows::update(bool reuse_static) {
         options.draw_moving = false;
         draw(static_, options);
     }
-    if (!geometry_.moving().empty() && moving_.version != geometry_.version()) {
+    if (geometry_.moving().empty()) return;
+    const bool moved = moving_.version != geometry_.version();
+    if (moved) casters_.assign(geometry_.moving().size(), 0);
+    if (add_casters(picture, camera) || moved) {
+        options.moving = casters_.data();
         options.draw_static = false;
         options.draw_moving = true;
         options.occlusion_culling = false;

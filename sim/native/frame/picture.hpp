@@ -10,14 +10,16 @@
 
 namespace hil::sim::frame {
 
-// Shadow maps of the sun. Static geoms are drawn once, moving ones after each move.
+// Shadow maps of the sun. Static geoms are drawn once, moving ones after each move, if a picture can show their shadows.
 class SunShadows {
 public:
     // `resolution`: pixels along the longer edge of the finite static geoms. Throws std::invalid_argument for a sun at
     // or below the horizon.
     SunShadows(const Geometry &geometry, const float *sun_W, int resolution, Isa isa);
 
-    void update(bool reuse_static);
+    // Draws what has moved: all, but for a pinhole `picture` taken at `camera` at least the moving geoms whose shadows it can
+    // show. Both may be null.
+    void update(bool reuse_static, const Raster *picture, const RasterCamera *camera);
     // Writes to `job` how a camera at `camera` reads the maps.
     void fill(ResolveJob &job, const RasterCamera &camera) const;
 
@@ -31,10 +33,13 @@ private:
     };
     void draw(Map &map, const RasterOptions &options);
     static void note_sole(Map &map, bool sparse);
+    bool add_casters(const Raster *picture, const RasterCamera *camera);
     const Geometry &geometry_;
     RasterCamera camera_{};
     double pixels_per_m_ = 1.0;
+    double lowest_m_ = 0.0;  // in W: no static geom is lower
     Map static_, moving_;
+    std::vector<std::uint8_t> casters_;  // [Geometry::moving()]: 1 if drawn in `moving_`
 };
 
 class Picture {

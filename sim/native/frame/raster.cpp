@@ -75,7 +75,7 @@ public:
             for (std::size_t i = 0; i < moving.size(); ++i) {
                 constexpr std::size_t kAhead = 8;
                 if (i + kAhead < moving.size()) __builtin_prefetch(geometry_.geoms()[static_cast<std::size_t>(moving[i + kAhead])].half);
-                if (geometry_.shown(moving[i])) push_geom(moving[i]);
+                if (geometry_.shown(moving[i]) && (options_.moving == nullptr || options_.moving[i] != 0)) push_geom(moving[i]);
             }
         }
         while (!heap_.empty()) {
@@ -397,9 +397,13 @@ void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptio
     band.drawn_of_geom.resize(geometry_.geoms().size());
     band.counts = {};
     if (!sees) return;
-    const View view = make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, b.width, kBlock * band.row0,
-                                std::min(kBlock * band.row1, b.height), rays_.cone, options);
-    Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), by_plane, band).run();
+    const View seen = view(camera, options, band.row0, band.row1);
+    Pass(geometry_, camera, options, seen, b, rays_, raster_kernels(isa_), by_plane, band).run();
+}
+
+View Raster::view(const RasterCamera &camera, const RasterOptions &options, int row0, int row1) const {
+    return make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, buffer_.width, kBlock * row0,
+                     std::min(kBlock * row1, buffer_.height), rays_.cone, options);
 }
 
 void Raster::check_rows(int row0, int row1) const {

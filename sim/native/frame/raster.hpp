@@ -50,7 +50,10 @@ struct RasterOptions {
     bool sparse = false;
     // [blocks]: nothing is seen in those of value 0, and geoms there need no drawing; their pixels are undefined. Null: all.
     const std::uint8_t *open = nullptr;
+    const std::uint8_t *moving = nullptr;  // [Geometry::moving()]: those of value 0 are not drawn; null: all
 };
+
+struct View;
 
 struct RasterCounts {  // of the last picture
     std::int64_t nodes = 0, geoms = 0;
@@ -128,6 +131,8 @@ public:
     // calls `then` with its rows after it has drawn them. A camera with a pose that is not finite sees nothing.
     void draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
               const std::function<void(const Band &)> &then);
+
+    View view(const RasterCamera &camera, const RasterOptions &options, int row0, int row1) const;  // of these block rows
 
     void check_rows(int row0, int row1) const;  // throws std::invalid_argument for rows that `draw` does not take
 

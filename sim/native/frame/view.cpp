@@ -107,6 +107,15 @@ bool View::outside(const double *centre, const double *half) const {
     return false;
 }
 
+bool View::outside_on_its_way(const double *centre, const double *half, const double *way, double pad) const {
+    const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
+    for (const double *inward : {axis[2], side[0], side[1], side[2], side[3]}) {
+        const double begin = dot(inward, c) + reach(inward, half) + pad * std::sqrt(dot(inward, inward));
+        if (begin < 0.0 && begin + dot(inward, way) < 0.0) return true;
+    }
+    return false;
+}
+
 double View::nearest(const double *centre, const double *half) const {
     const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
     // Rounding of the vertices that the float kernels bring into C: 2^-24 of each coordinate for each of some operations.

@@ -32,6 +32,8 @@ struct View {
     // The same camera in the frame of a geom at (p_WG, R_WG).
     View in(const double *p_AG, const double *R_AG) const;
     bool outside(const double *centre, const double *half) const;
+    // Pinhole: true if a box that moves along `way` stays `pad` or more away from all that the picture can show.
+    bool outside_on_its_way(const double *centre, const double *half, const double *way, double pad) const;
     // Least t of any point of the box, with margin.
     double nearest(const double *centre, const double *half) const;
     // Pixels of the part of the box in front of the camera. Returns false if every pixel may see it.

@@ -9,7 +9,7 @@ A file is joined from one piece per picture, made by the workers, in the order o
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from hil.apps.dataset.formats.labels import Catalogue, PictureLabels
@@ -62,9 +62,9 @@ def coco_picture(frame: int, file_name: str, labels: PictureLabels, masks: Seque
 
 
 def coco_parts(
-    pictures: Callable[[], Iterable[CocoPicture]], catalogue: Catalogue, *, description: str, licence: str
+    pictures: Iterable[CocoPicture], catalogue: Catalogue, *, description: str, licence: str
 ) -> Iterator[str]:
-    """Yield a COCO file piece by piece. `pictures` is called twice, because images precede annotations.
+    """Yield a COCO file piece by piece. Images follow the annotations: they are few bytes, and wait in memory.
 
     Raises RecordingError if a picture is not in the order of the frames, or occurs twice.
     """
@@ -77,17 +77,18 @@ def coco_parts(
     info = {"description": description, "version": "1.0"}
     licences = [{"id": 1, "name": licence, "url": ""}]
     yield f'{{"info":{json.dumps(info)},\n"licenses":{json.dumps(licences)},\n"categories":{json.dumps(categories)},\n'
-    yield '"images":[\n'
-    previous_id = 0
-    for picture in pictures():
+    yield '"annotations":[\n'
+    images: list[str] = []
+    previous_id, first = 0, True
+    for picture in pictures:
         if picture.image_id <= previous_id:
             raise RecordingError("COCO: pictures must come in the order of their frames, each once")
-        yield f",\n{picture.image}" if previous_id else picture.image
         previous_id = picture.image_id
-    yield '\n],\n"annotations":[\n'
-    first = True
-    for picture in pictures():
-        for text in picture.annotations:
+        images.append(picture.image)
+        if picture.annotations:
+            text = ",\n".join(picture.annotations)
             yield text if first else f",\n{text}"
             first = False
+    yield '\n],\n"images":[\n'
+    yield ",\n".join(images)
     yield "\n]}\n"

@@ -112,6 +112,13 @@ class Catalogue:
         return cls.of(classes, pairs)
 
     @cached_property
+    def labelled(self) -> NDArray[np.bool_]:
+        """True for the instances that are labelled as objects, (65536,)."""
+        table = np.zeros(65536, np.bool_)
+        table[[i for i, class_id in self.class_of_instance.items() if class_id in self.object_classes]] = True
+        return table
+
+    @cached_property
     def palette(self) -> NDArray[np.uint8]:
         """Colours of the classes, (classes, 3) uint8 sRGB."""
         return np.array(self.classes.colours, np.uint8).reshape(-1, 3)

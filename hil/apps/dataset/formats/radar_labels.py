@@ -17,7 +17,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from hil.apps.dataset.formats.labels import Catalogue
 from sim.radar.ghost_objects import GhostEcho
@@ -32,19 +32,14 @@ GHOST_HEADER = ",path,mirror []"
 DIRECT = "direct"
 
 
-def labelled(objects: Iterable[ObjectEcho], catalogue: Catalogue) -> list[ObjectEcho]:
-    """Return the objects of the classes that are labelled."""
-    return [o for o in objects if catalogue.class_of_instance.get(o.instance) in catalogue.object_classes]
-
-
 def radar_labels_csv(
     objects: Sequence[ObjectEcho], catalogue: Catalogue, ghosts: Sequence[GhostEcho] | None = None
 ) -> bytes:
-    """Return the file of one frame; `objects` as from `labelled`, `ghosts` of a radar with bounces."""
+    """Return the file of one frame; `objects`: those that are labelled, `ghosts` of a radar with bounces."""
     direct = "" if ghosts is None else f",{DIRECT},"
     rows = [(o, direct) for o in objects]
     for ghost in ghosts or ():
-        if catalogue.class_of_instance.get(ghost.echo.instance) in catalogue.object_classes:
+        if catalogue.labelled[ghost.echo.instance]:
             rows.append((ghost.echo, f",{ghost.path},{ghost.mirror}"))
     header = HEADER if ghosts is None else HEADER + GHOST_HEADER
     return "".join([header + "\n", *(_row(o, catalogue, path) for o, path in rows)]).encode()

@@ -6,7 +6,7 @@ missing or damaged one are ignored.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -73,13 +73,17 @@ class Journal:
                 file.unlink(missing_ok=True)
             self._db = _opened(path)
 
-    def entries(self) -> Iterator[tuple[BatchRecord, int]]:
-        """Yield the record of each batch and the offset of its chunk in the recording, in order."""
+    def entries(self, numbers: Container[int] | None = None) -> Iterator[tuple[BatchRecord, int]]:
+        """Yield the record of each batch and the offset of its chunk in the recording, in order.
+
+        `numbers`: of the batches to yield; None: all.
+        """
         with suppress(UnusableDatabaseError):  # the batches that follow are made again
             for count, (index, offset, text) in enumerate(self._db.rows("batch")):
                 if index != count:
                     return
-                yield _JSON.validate_json(text), offset
+                if numbers is None or index in numbers:
+                    yield _JSON.validate_json(text), offset
 
     def append(self, record: BatchRecord, offset: int) -> None:
         """Store a batch's record, replacing an earlier one. Raises RecordingError."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,12 +50,15 @@ class DatasetStore:
         )
         return cls(root, tables, journal, recording, make_checkpoints(root, tables))
 
-    def coco_pictures(self) -> Iterator[CocoPicture]:
-        """Yield the labels of all pictures in order, read from the journal because memory may not hold them all."""
-        return (picture for record, _ in self.journal.entries() for picture in record.pictures)
+    def coco_pictures(self, batches: Container[int]) -> Iterator[CocoPicture]:
+        """Yield the labels of the pictures of some batches in order.
+
+        They are read from the journal, because memory may not hold them all.
+        """
+        return (picture for record, _ in self.journal.entries(batches) for picture in record.pictures)
 
     def annotated_frames(self) -> Iterator[AnnotatedFrame]:
-        """Yield the frames with 3-D labels in order, as `coco_pictures` does."""
+        """Yield the frames with 3-D labels of all batches in order, as `coco_pictures` does."""
         return (frame for record, _ in self.journal.entries() for frame in record.annotated)
 
     def close(self) -> None:

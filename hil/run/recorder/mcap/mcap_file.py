@@ -106,18 +106,21 @@ def pack_chunk(
 
     `declarations`: records of schemas and channels at the head of the chunk.
     """
-    plain = b"".join([declarations, *chain.from_iterable(block.parts for block in blocks)])
-    plain_size = len(plain)
+    parts = [declarations, *chain.from_iterable(block.parts for block in blocks)]
+    plain_size = sum(map(len, parts))
     counts = [len(block.log_ns) for block in blocks]
     begins = list(accumulate((sum(map(len, block.parts)) for block in blocks), initial=len(declarations)))[:-1]
     pairs = np.empty((sum(counts), 2), "<u8")
     pairs[:, 0] = np.concatenate([block.log_ns for block in blocks])
     pairs[:, 1] = np.concatenate([block.offsets for block in blocks]) + np.repeat(np.array(begins, np.uint64), counts)
     first_ns, last_ns = int(pairs[:, 0].min()), int(pairs[:, 0].max())
-    crc = crc32(plain)
+    crc = 0
+    for part in parts:
+        crc = crc32(part, crc)
+    if compressor:
+        parts = [compressor.compress(b"".join(parts))]
     name = b"zstd" if compressor else b""
-    data = compressor.compress(plain) if compressor else plain
-    compressed_size = len(data)
+    compressed_size = sum(map(len, parts))
     length = 8 + 8 + 8 + 4 + 4 + len(name) + 8 + compressed_size
     head = _CHUNK_HEAD.pack(Opcode.CHUNK, length, first_ns, last_ns, plain_size, crc)
     head += struct.pack("<I", len(name)) + name + struct.pack("<Q", compressed_size)
@@ -132,7 +135,7 @@ def pack_chunk(
         index_offsets[block.channel] = chunk_offset
         chunk_offset += _INDEX_HEAD.size + size
         pairs_offset += size
-    return b"".join((head, data, *tail)), ChunkFacts(
+    return b"".join((head, *parts, *tail)), ChunkFacts(
         chunk_bytes,
         name.decode(),
         compressed_size,

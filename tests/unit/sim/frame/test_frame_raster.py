@@ -333,10 +333,54 @@ def test_an_empty_world_has_a_sky() -> None:
     camera = Picture(native, scenery, 8, 8, 8.0, 8.0, 4.0, 4.0)
     out = {"rgb": np.zeros((8, 8, 3), np.uint8), "geom": np.zeros((8, 8), np.int32)}
     shadows = SunShadows(native, (0.0, 0.6, 0.8), 64)
-    shadows.update(True)
+    shadows.update(True, None, VIEWS[0].p_WC, VIEWS[0].R_WC)
     camera.take(VIEWS[0].p_WC, VIEWS[0].R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, True, 0, 8, 1)
     assert (out["geom"] == -1).all()
     assert out["rgb"].min() > 0
+
+
+def test_shadows_of_what_is_out_of_sight_are_drawn_and_others_change_nothing() -> None:
+    """Spheres around, above and behind two cameras that share a shadow map, each seen before and after they move."""
+    rng = np.random.Generator(np.random.Philox(8))
+    native, scenery, sun_W = Geometry(), Scenery(), (0.48, 0.64, 0.6)
+    native.add_geom(0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), tuple(np.eye(3).ravel()), -1, False, True, 0, 0, 0)
+    native.add_geom(6, (20.0, 20.0, 0.1), (0.0, 0.0, 0.0), tuple(np.eye(3).ravel()), -1, False, True, 0, 0, 0)
+    for _ in range(60):
+        native.add_geom(2, (0.3, 0.0, 0.0), (0.0, 0.0, 1.0), tuple(np.eye(3).ravel()), -1, True, True, 0, 0, 0)
+    native.finish()
+    for _ in range(62):
+        scenery.add_geom((0.5, 0.5, 0.5), 0.0, -1, 1.0, 1.0, False)
+    grey = (0.3, 0.3, 0.3)
+    light = Daylight(sun_W, (1.0, 1.0, 1.0), grey, grey, grey, grey, grey, 0.0, 1.0)
+    camera = Picture(native, scenery, 80, 60, 45.0, 45.0, 40.0, 30.0)
+    some, every = (SunShadows(native, sun_W, 512) for _ in range(2))
+    rgb = np.zeros((2, 60, 80, 3), np.uint8)
+    drawn = {"geom": np.zeros((60, 80), np.int32)}
+    cast_from_beyond = 0
+    for _ in range(4):
+        centres = rng.uniform((-12.0, -12.0, 0.5), (12.0, 12.0, 8.0), (60, 3))
+        still = np.zeros((60, 3))
+        native.move(np.arange(2, 62, dtype=np.int32), centres, np.tile(np.eye(3), (60, 1, 1)), still, still)
+        for pose in (looking((-8.0, -6.0, 3.0), (0.0, 0.0, 0.0)), looking((7.0, 8.0, 2.0), (9.0, 9.0, 1.0))):
+            some.update(True, camera, pose.p_WC, pose.R_WC)
+            every.update(True, None, pose.p_WC, pose.R_WC)
+            for shadows, colour in zip((some, every), rgb, strict=True):
+                out = {**drawn, "rgb": colour}
+                camera.take(
+                    pose.p_WC, pose.R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, True, 0, 60, 1
+                )
+            assert np.array_equal(rgb[0], rgb[1])
+            # A sphere out of sight whose shadow on the floor lies in the middle of the picture.
+            feet = centres - centres[:, 2:] / sun_W[2] * np.array(sun_W)
+            to_C = np.reshape(pose.R_WC, (3, 3))
+            seen = [_is_within((points - np.array(pose.p_WC)) @ to_C) for points in (centres, feet)]
+            cast_from_beyond += int(np.count_nonzero(~seen[0] & seen[1]))
+    assert cast_from_beyond >= 5
+
+
+def _is_within(points_C: NDArray[np.float64]) -> NDArray[np.bool_]:
+    x, y, z = points_C.T
+    return (z > 0.1) & (np.abs(x) < 0.8 * z) & (np.abs(y) < 0.6 * z)
 
 
 @pytest.mark.parametrize("isa", ISAS)
@@ -359,7 +403,7 @@ def test_the_floor_is_shaded_where_a_ray_to_the_sun_meets_a_shape(isa: str) -> N
         looking((-6.0, -4.0, 14.0), (0.0, 0.0, 0.0)),
     )
     shadows = SunShadows(native, sun_W, 512, isa)
-    shadows.update(True)
+    shadows.update(True, camera, pose.p_WC, pose.R_WC)
     rgb = np.zeros((2, 120, 160, 3), np.uint8)
     out = {"depth": np.zeros((120, 160), np.float32), "geom": np.zeros((120, 160), np.int32)}
     for shade, colour in zip((None, shadows), rgb, strict=True):

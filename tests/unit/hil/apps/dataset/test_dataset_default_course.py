@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from hil.apps.dataset.formats.labels import Catalogue
-from hil.apps.dataset.formats.radar_labels import labelled
 from hil.apps.dataset.plan import make_plan
 from hil.apps.dataset.trajectory import course, waypoints_text
 from hil.config.missions import load_mission
@@ -47,9 +46,9 @@ def test_radar_of_the_default_data_set_sees_objects(tmp_path: Path) -> None:
     assert trajectory is not None
     frames = make_frames(plan.bench)
     frames.expect(0)
-    radar = SimulatedSensors(plan.bench, plan.frame_sensors, frames).make("radar", label_radars=True)
     world = frames.geometry.world
     catalogue = Catalogue.of_geoms(frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
+    radar = SimulatedSensors(plan.bench, plan.frame_sensors, frames).make("radar", labelled=catalogue.labelled)
     clearance = Clearance(frames.geometry)
     seen: list[set[str]] = []
     levels_db = []
@@ -57,7 +56,7 @@ def test_radar_of_the_default_data_set_sees_objects(tmp_path: Path) -> None:
         assert clearance.nearest_m(truth.p_WB, truth.t_ns) > 1.0
         power = radar.sample(truth, seq).channels["range_doppler"]
         levels_db.append(10.0 * math.log10(power.max() / np.median(power)))
-        objects = labelled(radar.objects, catalogue)
+        objects = radar.objects
         seen.append({catalogue.classes.name(catalogue.class_of_instance[o.instance]) for o in objects})
     assert np.mean([bool(classes) for classes in seen]) > 0.9
     assert np.mean(["person" in classes for classes in seen]) >= 0.5

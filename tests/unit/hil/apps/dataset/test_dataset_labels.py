@@ -170,7 +170,7 @@ def test_voc_image_sets_hold_every_frame_of_their_set() -> None:
 
 
 def coco_file(pictures: list[CocoPicture]) -> str:
-    return "".join(coco_parts(lambda: pictures, CATALOGUE, description="test", licence="CC0-1.0"))
+    return "".join(coco_parts(pictures, CATALOGUE, description="test", licence="CC0-1.0"))
 
 
 def coco_of(frames: list[UInt16]) -> tuple[str, list[CocoPicture]]:
