@@ -154,7 +154,7 @@ class Training:
         self._epochs_done = 0
         augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
         self.batches = Batches(augmenter, self._assigner, pictures, size=settings.batch, seed=settings.seed)
-        # The last sixth of the epochs uses weak augmentation, so that the statistics match those of recorded pictures.
+        # The last epochs use weak augmentation, so that the statistics match those of recorded pictures.
         weak = Augmenter(self._store, self.classes, settings.seed, Strength(zoom=(1.0, 1.3), mosaic_share=0.0))
         self._late_batches = Batches(weak, self._assigner, pictures, size=settings.batch, seed=settings.seed)
 
@@ -223,7 +223,7 @@ class Training:
         total = self.settings.epochs * len(self.batches)
         while self._epochs_done < self.settings.epochs:
             number = self._epochs_done
-            late = number >= self.settings.epochs - max(1, self.settings.epochs // 6)
+            late = number >= self.settings.epochs - (self.settings.weak_epochs or max(1, self.settings.epochs // 6))
             sums, rate = [0.0, 0.0], 0.0
             for i, batch in enumerate((self._late_batches if late else self.batches).epoch(number)):
                 rate = self._learning_rate(number * len(self.batches) + i, total)

@@ -25,6 +25,7 @@ class TrainOptions:
     precision: Annotated[str, typer.Option(help="fp32 or bf16; bf16 is faster on processors that have it.")] = "fp32"
     min_objects: Annotated[int, typer.Option(help="Classes with fewer training objects are left out.")] = 100
     validate_every: Annotated[int, typer.Option(help="Epochs between two validations.")] = 3
+    weak_epochs: Annotated[int, typer.Option(help="Last epochs, of weak augmentation; 0: a sixth.")] = 0
     input_px: Annotated[
         tuple[int, int],
         typer.Option("--input", help="Size of the network's input in pixels, multiples of 16.", metavar="WIDTH HEIGHT"),
@@ -60,6 +61,7 @@ def train(o: TrainOptions) -> None:
             precision=o.precision,
             min_objects=o.min_objects,
             validate_every=o.validate_every,
+            weak_epochs=o.weak_epochs,
             input_px=o.input_px,
         )
         data = TrainingData(o.data_sets, o.part, o.validation or (), o.test or ())

@@ -131,6 +131,20 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
         other.load_weights(tmp_path / "missing.pt")
 
 
+@pytest.mark.parametrize(("epochs", "weak", "expected"), [(6, 0, 1), (6, 4, 4), (2, 0, 1), (2, 2, 2)])
+def test_the_last_epochs_have_weak_augmentation(
+    pictures: list[Picture], tmp_path: Path, epochs: int, weak: int, expected: int
+) -> None:
+    settings = train.Settings(**{**QUICK, "epochs": epochs, "weak_epochs": weak})
+    training = train.Training(pictures, [], settings, out=tmp_path)
+    seen: list[str] = []
+    for batches_of, kind in ((training.batches, "strong"), (training._late_batches, "weak")):
+        batches_of.epoch = lambda _, kind=kind: iter((seen.append(kind),))  # type: ignore
+    training._step = lambda *_: (1.0, 1.0)  # type: ignore[method-assign]
+    _run(training)
+    assert seen == ["strong"] * (epochs - expected) + ["weak"] * expected
+
+
 def test_steps_on_the_same_pictures_make_the_loss_small(pictures: list[Picture], tmp_path: Path) -> None:
     training = train.Training(pictures, [], train.Settings(**{**QUICK, "batch": 4}), out=tmp_path)
     (batch,) = training.batches.epoch(0)
@@ -144,6 +158,8 @@ def test_invalid_settings_and_classes_are_refused(pictures: list[Picture], tmp_p
         train.Settings(epochs=0)
     with pytest.raises(ConfigError, match="fp32 or bf16"):
         train.Settings(precision="int8")
+    with pytest.raises(ConfigError, match="--weak-epochs: must be 0 to 4, not 5"):
+        train.Settings(epochs=4, weak_epochs=5)
     with pytest.raises(ConfigError, match="no class has 1000 objects"):
         train.Training(pictures, [], train.Settings(min_objects=1000), out=tmp_path)
 
