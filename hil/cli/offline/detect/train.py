@@ -38,6 +38,9 @@ class TrainOptions:
     weights: Annotated[
         Path | None, typer.Option(help="PyTorch weights to start from; those that do not fit are ignored.")
     ] = None
+    start_share: Annotated[
+        float, typer.Option(help="Share of --weights in the result, 0 to 1; the rest is the training's.")
+    ] = 0.0
     keep_classes: Annotated[
         bool, typer.Option("--keep-classes", help="Keep the classes of --weights, however few objects there are.")
     ] = False
@@ -61,6 +64,7 @@ def train(o: TrainOptions) -> None:
             precision=o.precision,
             min_objects=o.min_objects,
             validate_every=o.validate_every,
+            start_share=o.start_share,
             weak_epochs=o.weak_epochs,
             input_px=o.input_px,
         )
