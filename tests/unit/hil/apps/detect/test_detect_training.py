@@ -260,7 +260,7 @@ def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> 
     assert torch.allclose(offsets, same, atol=2e-3, rtol=2e-3)
     whole = (tmp_path / "net.pt").read_bytes()
     (tmp_path / "net.pt").write_bytes(whole[:5000] + whole[50_000:])
-    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+    with pytest.raises(ConfigError, match="is not a file of PyTorch weights"):
         second.load_weights(tmp_path / "net.pt")
     (tmp_path / "net.pt").write_bytes(whole)
     (tmp_path / "net.json").unlink()
