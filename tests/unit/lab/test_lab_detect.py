@@ -48,7 +48,7 @@ def test_missing_measurements_are_rows_with_a_note(tmp_path: Path) -> None:
 
 
 def test_each_model_is_held_to_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A time of its own for each: the fast model passes, the good one does not."""
+    """Each has a time of its own: the fast model passes, the good one does not."""
 
     def run(backend: str, model: model_file.ModelFile, pictures: list[Picture]) -> BackendResult:
         time_s = {"opencv": 0.026, "onnxruntime": 0.027, "pytorch": 0.001}[backend]
