@@ -59,7 +59,7 @@ def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: Pic
 
 
 def test_some_examples_show_nothing(store: PictureStore) -> None:
-    """Of one colour or a gradient from edge to edge, light or dark; the others are as without them."""
+    """Plain examples have one colour or a gradient from edge to edge; the others are as without them."""
     plain = Strength(plain_share=1.0, noise_share=0.0, blur_share=0.0)
     examples = [Augmenter(store, CLASSES, 5, plain).example(i, k) for i in range(8) for k in range(8)]
     assert not any(len(e.boxes_px) or len(e.classes) or len(e.area_px) for e in examples)
