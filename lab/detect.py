@@ -53,9 +53,11 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
                 continue
             _add(result, at_model_size[backend])
         good = load_model(GOOD)
+        good_runs: dict[str, BackendResult] = {}
         for backend in at_model_size:
             status(f"{backend}, the good model")
-            _add(result, run_backend(backend, good, pictures), f"{GOOD}, ")
+            good_runs[backend] = run_backend(backend, good, pictures)
+            _add(result, good_runs[backend], f"{GOOD}, ")
         for size_px in () if quick else _OTHER_SIZES:
             for backend in at_model_size:
                 status(f"{backend} at {size_px[0]}x{size_px[1]}")
@@ -65,6 +67,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
                     _add_missing(result, f"{backend} @ {size_px[0]}x{size_px[1]}", str(error))
     if at_model_size:
         _check(result, at_model_size, model.score_threshold)
+        result.checks.append(_rate_check(good_runs, f"{GOOD}, "))
     if quick:
         result.left_out.append(f"input sizes other than {model.input_px[0]}x{model.input_px[1]}")
         result.left_out.append(f"precision on {_FULL_SETS[0] * _FULL_SETS[1]} pictures ({len(pictures)} were taken)")
@@ -101,16 +104,11 @@ def _person(run: BackendResult) -> float:
 
 def _check(result: BenchmarkResult, at_model_size: dict[str, BackendResult], threshold: float) -> None:
     first = next(iter(at_model_size.values()))
-    deployed = [run for name, run in at_model_size.items() if name != "pytorch"]
-    best_hz = max((1.0 / run.time_s for run in deployed), default=math.nan)
-    size = f"{first.size_px[0]}x{first.size_px[1]}"
     result.checks += [
         Check("AP@0.5 of people in new worlds", _person(first), ">=", _MIN_PERSON, "1"),
         Check("mAP@0.5 over all classes", first.evaluation.mean_average_precision, ">=", _MIN_ALL, "1"),
         Check("false boxes per picture at the threshold", first.evaluation.false_boxes(), "<=", _MAX_FALSE, "1"),
-        Check(
-            f"pictures per second at {size} on one core, without PyTorch", best_hz, ">=", _MIN_RATE_HZ, "1/s", "speed"
-        ),
+        _rate_check(at_model_size),
     ]
     for name, run in at_model_size.items():
         if run is first:
@@ -123,3 +121,11 @@ def _check(result: BenchmarkResult, at_model_size: dict[str, BackendResult], thr
         ]
     if len(at_model_size) == 1:
         result.left_out.append("comparison of boxes between back ends: only one is installed")
+
+
+def _rate_check(runs: dict[str, BackendResult], model: str = "") -> Check:
+    """Return the check of the fastest back end that is flown with: a picture takes 25 ms at most."""
+    best_hz = max((1.0 / run.time_s for name, run in runs.items() if name != "pytorch"), default=math.nan)
+    width, height = next(iter(runs.values())).size_px
+    words = f"{model}pictures per second at {width}x{height} on one core, without PyTorch"
+    return Check(words, best_hz, ">=", _MIN_RATE_HZ, "1/s", "speed")

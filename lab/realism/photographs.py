@@ -19,7 +19,7 @@ make_client_importable()
 
 from hil_companion.detect.decode import overlaps  # noqa: E402
 from hil_companion.detect.detector import Detector as OwnDetector  # noqa: E402
-from hil_companion.detect.model_file import ModelFile  # noqa: E402
+from hil_companion.detect.model_file import SHIPPED, ModelFile  # noqa: E402
 
 _MIN_IOU = 0.5
 _GREY = 114
@@ -84,23 +84,23 @@ def found_in(detector: Detector, photographs: Mapping[str, bytes]) -> tuple[int,
 
 
 def own_detector_table(photographs: Mapping[str, bytes]) -> TextTable:
-    """Return what the shipped detector, trained on drawn pictures alone, finds of the marked people and vehicles."""
-    model = ModelFile.load()
-    thresholds = (model.score_threshold, _LOW_SCORE)
-    detector = OwnDetector(model, threshold=_LOW_SCORE)
+    """Return what the shipped detectors, trained on drawn pictures alone, find of the marked people and vehicles."""
     table = TextTable(
         ("shipped detector", "people", "vehicles", "false people and vehicles"),
         [],
         f"found at IoU {_MIN_IOU:g} of those marked in {', '.join(photographs)}; half, quarter: shrunk, with "
         "grey around them",
     )
-    for threshold in thresholds:
-        for scale, text in SCALES.items():
-            counts = [_own_counts(detector, n, content, scale, threshold) for n, content in photographs.items()]
-            people, vehicles, false = (sum(c[key] for c in counts) for key in ("person", "vehicle", "false"))
-            marked = Counter(group for name in photographs for group, _ in _ALL_OBJECTS[name])
-            cells = (f"{people} of {marked['person']}", f"{vehicles} of {marked['vehicle']}", str(false))
-            table.rows.append((f"from {threshold:g}, {text}", *cells))
+    marked = Counter(group for name in photographs for group, _ in _ALL_OBJECTS[name])
+    for model_name in SHIPPED:
+        model = ModelFile.load(model_name)
+        detector = OwnDetector(model, threshold=_LOW_SCORE)
+        for threshold in (model.score_threshold, _LOW_SCORE):
+            for scale, text in SCALES.items():
+                counts = [_own_counts(detector, n, content, scale, threshold) for n, content in photographs.items()]
+                people, vehicles, false = (sum(c[key] for c in counts) for key in ("person", "vehicle", "false"))
+                cells = (f"{people} of {marked['person']}", f"{vehicles} of {marked['vehicle']}", str(false))
+                table.rows.append((f"{model_name}, from {threshold:g}, {text}", *cells))
     return table
 
 

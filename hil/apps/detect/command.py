@@ -106,6 +106,8 @@ def train_detector(
             hint = "give the .pt of a model with its .json beside it, or a last.pt, with --weights"
             raise ConfigError([Problem("--keep-classes", "needs weights whose classes are known", hint)])
     training = Training(pictures, validation, settings, out=out, classes=classes)
+    if weights is None and settings.start_share:
+        raise ConfigError([Problem("--start-share", "needs weights to start from", "give them with --weights")])
     if weights is not None:
         loaded, total = training.load_weights(weights)
         console.print(f"{loaded} of {total} tensors loaded from {weights}", markup=False)
@@ -121,7 +123,7 @@ def train_detector(
             console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
         _run_training(training, settings.epochs, console, out, quiet=quiet)
         path = out / f"{NAME}.onnx"
-        model = export.export(training.averaged, path, training.classes, threshold=0.5, input_px=settings.input_px)
+        model = export.export(training.result, path, training.classes, threshold=0.5, input_px=settings.input_px)
         validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
         model = export.with_threshold(model, validation_result.threshold_for())
         test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None

@@ -11,9 +11,11 @@ import pytest
 from hil.apps.bench_suite.result import BenchmarkResult, Row, work_precision_plot
 from hil.run.report.run_json import finite
 from lab import detect
-from lab.detect_cases import box_differences, load_model
+from lab.detect_cases import BackendResult, box_differences, load_model
 from signals.errors import RecordingError
 
+from hil.apps.detect.evaluate import Evaluation  # isort: skip
+from hil.apps.detect.pictures import Picture  # isort: skip
 from hil_companion.detect import model_file  # isort: skip
 from hil_companion.detect.decode import Detection  # isort: skip
 
@@ -43,6 +45,24 @@ def test_missing_measurements_are_rows_with_a_note(tmp_path: Path) -> None:
     assert math.isnan(result.rows[-1].time_s)
     work_precision_plot(result, "a title", tmp_path / "detect.png")
     assert (tmp_path / "detect.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_each_model_is_held_to_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each has a time of its own: the fast model passes, the good one does not."""
+
+    def run(backend: str, model: model_file.ModelFile, pictures: list[Picture]) -> BackendResult:
+        time_s = {"opencv": 0.026, "onnxruntime": 0.027, "pytorch": 0.001}[backend]
+        time_s = time_s if model.path == model_file.SHIPPED[model_file.GOOD] else 0.5 * time_s
+        evaluation = Evaluation({}, 1, model.score_threshold)
+        return BackendResult(backend, model.input_px, evaluation, time_s, time_s, [[]])
+
+    monkeypatch.setattr(detect, "run_backend", run)
+    monkeypatch.setattr(detect, "fresh_pictures", lambda *_, **__: [])
+    result = detect.measure(quick=True, status=lambda _: None)
+    rates = {c.name.split(" at ")[0]: c for c in result.checks if "pictures per second" in c.name}
+    assert rates["pictures per second"].ok
+    assert not rates["good, pictures per second"].ok
+    assert rates["good, pictures per second"].value == pytest.approx(1.0 / 0.026)
 
 
 def test_missing_weights_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

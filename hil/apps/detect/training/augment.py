@@ -1,5 +1,8 @@
 """Augmentation of training pictures: mirroring, zoom, shift, lighting, noise, blur and mosaics of four.
 
+A few examples show nothing, in one colour or in two that run into each other: recorded pictures always show something,
+and a network that has seen only those takes a plain picture for a wall close by.
+
 Each picture has its own random stream, numbered by epoch and picture, so the result does not depend on the thread that
 prepares it.
 """
@@ -43,6 +46,7 @@ class Strength:
     zoom: tuple[float, float] = (0.85, 2.2)
     stretch: float = 0.12  # natural logarithm of the factor by which width grows and height shrinks
     mosaic_share: float = 0.1
+    plain_share: float = 0.02  # of examples without objects, in place of the picture
     brightness: float = 0.25
     contrast: float = 0.25
     saturation: float = 0.3
@@ -67,7 +71,10 @@ class Augmenter:
         if s is None:
             return plain
         rng = np.random.Generator(np.random.Philox(key=[self._seed, (epoch << 32) | index]))
-        if rng.random() < s.mosaic_share:
+        kind = rng.random()
+        if kind >= 1.0 - s.plain_share:
+            example = _nothing(plain.rgb.shape, rng)
+        elif kind < s.mosaic_share:
             others = rng.integers(0, len(self._store), 3)
             example = _mosaic([plain, *(self.plain(int(i)) for i in others)], rng)
         else:
@@ -128,6 +135,23 @@ def _mosaic(examples: list[Example], rng: np.random.Generator) -> Example:
         areas.append(area[remains])
         classes.append(example.classes[remains])
     return Example(rgb, np.concatenate(boxes), np.concatenate(classes), np.concatenate(areas))
+
+
+def _nothing(shape: tuple[int, ...], rng: np.random.Generator) -> Example:
+    """Return an example without objects, in one colour or, in half of the cases, in two that run into each other."""
+    height, width = shape[:2]
+    grey, tint = rng.uniform(0.0, 255.0, (2, 1)), rng.normal(0.0, 12.0, (2, 3))
+    first, last = grey + tint
+    if rng.random() < 0.5:
+        last = first
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    along = (
+        np.cos(angle) * np.linspace(-0.5, 0.5, width)[None, :] + np.sin(angle) * np.linspace(-0.5, 0.5, height)[:, None]
+    )
+    share = ((along - along.min()) / np.ptp(along))[:, :, None]
+    rgb = np.clip(np.rint(first + share * (last - first)), 0.0, 255.0).astype(np.uint8)
+    none = np.zeros(0, np.float32)
+    return Example(rgb, none.reshape(0, 4), np.zeros(0, np.int64), none)
 
 
 def _clip(

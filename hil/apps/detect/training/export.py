@@ -36,6 +36,19 @@ def folded(model: nn.Module) -> nn.Module:
     return out
 
 
+@torch.no_grad()
+def between(start: nn.Module, end: nn.Module, start_share: float) -> nn.Module:
+    """Return a network for inference whose folded weights are the mean of two networks', weighted by `start_share`.
+
+    Networks of which one was trained on from the other have such a mean, which often detects better than both
+    (Wortsman et al. 2022, robust fine-tuning).
+    """
+    out = folded(start)
+    for mean, new in zip(out.parameters(), folded(end).parameters(), strict=True):
+        mean.lerp_(new, 1.0 - start_share)
+    return out
+
+
 def export(
     model: nn.Module,
     path: Path,

@@ -27,6 +27,7 @@ from hil.apps.detect.pictures import Picture, class_counts
 from hil.apps.detect.training.assign import Assigner
 from hil.apps.detect.training.augment import Augmenter, Strength
 from hil.apps.detect.training.batches import Batch, Batches, blob_of
+from hil.apps.detect.training.export import between
 from hil.apps.detect.training.layout import LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
 from hil.apps.detect.training.model import SsdLite, by_anchor
@@ -152,16 +153,24 @@ class Training:
         ]
         self._optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
         self._epochs_done = 0
+        self._start: nn.Module | None = None
         augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
         self.batches = Batches(augmenter, self._assigner, pictures, size=settings.batch, seed=settings.seed)
-        # The last sixth of the epochs uses weak augmentation, so that the statistics match those of recorded pictures.
+        # The last epochs use weak augmentation, so that the statistics match those of recorded pictures.
         weak = Augmenter(self._store, self.classes, settings.seed, Strength(zoom=(1.0, 1.3), mosaic_share=0.0))
         self._late_batches = Batches(weak, self._assigner, pictures, size=settings.batch, seed=settings.seed)
 
     @property
     def averaged(self) -> nn.Module:
-        """Network with the averaged weights, the result of the training."""
+        """Network with the averaged weights."""
         return self._averaged.model
+
+    @property
+    def result(self) -> nn.Module:
+        """Network of the training's result: the averaged weights, with their share of those of the start."""
+        if self._start is None or not self.settings.start_share:
+            return self.averaged
+        return between(self._start, self.averaged, self.settings.start_share)
 
     @property
     def epochs_done(self) -> int:
@@ -188,6 +197,7 @@ class Training:
             numbers = [i * len(self._store) // count for i in range(count)]
             set_statistics(self.model, blob_of([self._store.rgb(i) for i in numbers]))
         self._averaged = WeightAverage(self.model, self.settings.average_decay)
+        self._start = copy.deepcopy(self.model)
         return len(fitting), len(state)
 
     def resume(self) -> bool:
@@ -223,7 +233,7 @@ class Training:
         total = self.settings.epochs * len(self.batches)
         while self._epochs_done < self.settings.epochs:
             number = self._epochs_done
-            late = number >= self.settings.epochs - max(1, self.settings.epochs // 6)
+            late = number >= self.settings.epochs - (self.settings.weak_epochs or max(1, self.settings.epochs // 6))
             sums, rate = [0.0, 0.0], 0.0
             for i, batch in enumerate((self._late_batches if late else self.batches).epoch(number)):
                 rate = self._learning_rate(number * len(self.batches) + i, total)
@@ -276,9 +286,9 @@ class Training:
         return evaluation_of(model.score_threshold, self._validation, detections, self.classes)
 
     def weights_digest(self) -> str:
-        """Return the SHA-256 of the averaged weights, equal for trainings with the same result."""
+        """Return the SHA-256 of the result's weights, equal for trainings with the same result."""
         checksum = hashlib.sha256()
-        for name, value in self.averaged.state_dict().items():
+        for name, value in self.result.state_dict().items():
             checksum.update(name.encode() + value.contiguous().numpy().tobytes())
         return checksum.hexdigest()
 

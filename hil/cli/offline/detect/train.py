@@ -25,6 +25,7 @@ class TrainOptions:
     precision: Annotated[str, typer.Option(help="fp32 or bf16; bf16 is faster on processors that have it.")] = "fp32"
     min_objects: Annotated[int, typer.Option(help="Classes with fewer training objects are left out.")] = 100
     validate_every: Annotated[int, typer.Option(help="Epochs between two validations.")] = 3
+    weak_epochs: Annotated[int, typer.Option(help="Last epochs, of weak augmentation; 0: a sixth.")] = 0
     input_px: Annotated[
         tuple[int, int],
         typer.Option("--input", help="Size of the network's input in pixels, multiples of 16.", metavar="WIDTH HEIGHT"),
@@ -37,6 +38,9 @@ class TrainOptions:
     weights: Annotated[
         Path | None, typer.Option(help="PyTorch weights to start from; those that do not fit are ignored.")
     ] = None
+    start_share: Annotated[
+        float, typer.Option(help="Share of --weights in the result, 0 to 1; the rest is the training's.")
+    ] = 0.0
     keep_classes: Annotated[
         bool, typer.Option("--keep-classes", help="Keep the classes of --weights, however few objects there are.")
     ] = False
@@ -60,6 +64,8 @@ def train(o: TrainOptions) -> None:
             precision=o.precision,
             min_objects=o.min_objects,
             validate_every=o.validate_every,
+            start_share=o.start_share,
+            weak_epochs=o.weak_epochs,
             input_px=o.input_px,
         )
         data = TrainingData(o.data_sets, o.part, o.validation or (), o.test or ())

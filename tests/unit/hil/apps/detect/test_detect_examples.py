@@ -58,6 +58,23 @@ def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: Pic
     assert np.array_equal(Augmenter(store, CLASSES, 5, None).example(0, 0).rgb, store.rgb(0))
 
 
+def test_some_examples_show_nothing(store: PictureStore) -> None:
+    """Plain examples have one colour or a gradient from edge to edge; the others are as without them."""
+    plain = Strength(plain_share=1.0, noise_share=0.0, blur_share=0.0)
+    examples = [Augmenter(store, CLASSES, 5, plain).example(i, k) for i in range(8) for k in range(8)]
+    assert not any(len(e.boxes_px) or len(e.classes) or len(e.area_px) for e in examples)
+    assert {e.rgb.shape for e in examples} == {store.rgb(0).shape}
+    spread = np.array([np.ptp(e.rgb.astype(float).mean(axis=2)) for e in examples])
+    assert 0.2 < (spread < 1.0).mean() < 0.8  # one colour
+    mean = np.array([e.rgb.mean() for e in examples])
+    assert mean.min() < 60.0
+    assert mean.max() > 190.0
+    assert max(np.abs(np.diff(e.rgb.astype(int), axis=a)).max() for e in examples for a in (0, 1)) <= 4
+    few, none = (Augmenter(store, CLASSES, 5, Strength(plain_share=share)) for share in (0.1, 0.0))
+    same = [np.array_equal(few.example(i, k).rgb, none.example(i, k).rgb) for i in range(8) for k in range(20)]
+    assert 0.8 < np.mean(same) < 0.97
+
+
 def test_small_objects_count_when_drawn_larger(tmp_path: Path) -> None:
     folder = write_data_set(tmp_path / "set", [[("person", (150, 110, 5, 7))]])
     store = PictureStore(read_data_sets([folder]), INPUT_PX)

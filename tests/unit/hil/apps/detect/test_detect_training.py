@@ -16,6 +16,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from rich.console import Console  # noqa: E402
+
+from hil.apps.detect.command import TrainingData, train_detector  # noqa: E402
 from hil.apps.detect.pictures import Picture, read_data_sets  # noqa: E402
 from hil.config.companion.clients import make_client_importable  # noqa: E402
 from signals.errors import ConfigError, RecordingError  # noqa: E402
@@ -131,6 +134,20 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
         other.load_weights(tmp_path / "missing.pt")
 
 
+@pytest.mark.parametrize(("epochs", "weak", "expected"), [(6, 0, 1), (6, 4, 4), (2, 0, 1), (2, 2, 2)])
+def test_the_last_epochs_have_weak_augmentation(
+    pictures: list[Picture], tmp_path: Path, epochs: int, weak: int, expected: int
+) -> None:
+    settings = train.Settings(**{**QUICK, "epochs": epochs, "weak_epochs": weak})
+    training = train.Training(pictures, [], settings, out=tmp_path)
+    seen: list[str] = []
+    for batches_of, kind in ((training.batches, "strong"), (training._late_batches, "weak")):
+        batches_of.epoch = lambda _, kind=kind: iter((seen.append(kind),))  # type: ignore
+    training._step = lambda *_: (1.0, 1.0)  # type: ignore[method-assign]
+    _run(training)
+    assert seen == ["strong"] * (epochs - expected) + ["weak"] * expected
+
+
 def test_steps_on_the_same_pictures_make_the_loss_small(pictures: list[Picture], tmp_path: Path) -> None:
     training = train.Training(pictures, [], train.Settings(**{**QUICK, "batch": 4}), out=tmp_path)
     (batch,) = training.batches.epoch(0)
@@ -144,6 +161,10 @@ def test_invalid_settings_and_classes_are_refused(pictures: list[Picture], tmp_p
         train.Settings(epochs=0)
     with pytest.raises(ConfigError, match="fp32 or bf16"):
         train.Settings(precision="int8")
+    with pytest.raises(ConfigError, match="--weak-epochs: must be 0 to 4, not 5"):
+        train.Settings(epochs=4, weak_epochs=5)
+    with pytest.raises(ConfigError, match="--start-share: must be 0 or more and below 1, not 1"):
+        train.Settings(start_share=1.0)
     with pytest.raises(ConfigError, match="no class has 1000 objects"):
         train.Training(pictures, [], train.Settings(min_objects=1000), out=tmp_path)
 
@@ -189,6 +210,41 @@ def test_a_training_begins_with_an_exported_model(pictures: list[Picture], tmp_p
             assert torch.allclose(before, after, atol=2e-2, rtol=2e-2)
 
 
+def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: Path) -> None:
+    """Its folded weights lie between those of the start and of the training; the training itself is as without."""
+    first = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path)
+    _run(first)
+    export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
+    trainings = []
+    for share in (0.0, 0.25):
+        settings = train.Settings(**{**QUICK, "seed": 2, "start_share": share})
+        training = train.Training(pictures, [], settings, out=tmp_path / f"{share}")
+        training.load_weights(tmp_path / "net.pt")
+        _run(training)
+        trainings.append(training)
+    without, shared = trainings
+    assert without.result is without.averaged
+    start, end = torch.jit.load(tmp_path / "net.pt").state_dict(), folded(without.averaged).state_dict()
+    mean = shared.result.state_dict()
+    assert mean.keys() == start.keys() == end.keys()
+    for name, value in mean.items():
+        expected = 0.25 * start[name] + 0.75 * end[name]
+        assert torch.allclose(value, expected, atol=1e-5, rtol=1e-4)
+    assert not torch.equal(mean["stem.0.weight"], end["stem.0.weight"])
+    # A training that goes on has the start of its weights file, too.
+    again = train.Training(pictures, [], shared.settings, out=shared.out)
+    again.load_weights(tmp_path / "net.pt")
+    assert again.resume()
+    assert again.weights_digest() == shared.weights_digest() != without.weights_digest()
+
+
+def test_a_share_needs_weights_to_start_from(tmp_path: Path) -> None:
+    folder = write_data_set(tmp_path / "set", [some_objects(np.random.default_rng(2))])
+    data, settings = TrainingData([folder], "all", [folder]), train.Settings(**{**QUICK, "start_share": 0.5})
+    with pytest.raises(ConfigError, match="--start-share: needs weights to start from"):
+        train_detector(data, settings, Console(quiet=True), out=tmp_path / "out")
+
+
 def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> None:
     first = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path)
     second = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "second")
@@ -204,7 +260,7 @@ def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> 
     assert torch.allclose(offsets, same, atol=2e-3, rtol=2e-3)
     whole = (tmp_path / "net.pt").read_bytes()
     (tmp_path / "net.pt").write_bytes(whole[:5000] + whole[50_000:])
-    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+    with pytest.raises(ConfigError, match="is not a file of PyTorch weights"):
         second.load_weights(tmp_path / "net.pt")
     (tmp_path / "net.pt").write_bytes(whole)
     (tmp_path / "net.json").unlink()
