@@ -416,7 +416,9 @@ class LockstepLink(AutopilotLink):
         return []
 
     def _closed(self, error: LinkClosed) -> LinkClosed:
-        """Return the transport's error, with the end of the process if the link started one."""
+        """Return the transport's error, with the end of the process if the link started one and it closed the line."""
+        if error.cause:
+            return LinkClosed(self.name, str(error), cause=error.cause)
         if self._process is None:
             return LinkClosed(self.name, str(error), cause="crashed")
         return LinkClosed(self.name, f"{error}; {self._process.describe_end()}", cause="crashed")
