@@ -303,13 +303,13 @@ class VehiclePhysics:
         # Nothing but contact can happen: one call of the kernel flies the tick and finishes it.
         self._tick = tick
         done, travelled_m, violation, bad_index = self.body.cruise(controls, 1)
-        if violation:
-            raise self._range_error(tick, violation)
         if bad_index >= 0:
             raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite")
         if not done:
             return self.finish(self._check_contact(travelled_m))
         self.skips.skipped += 1
+        if violation:
+            raise self._range_error(tick, violation)
         return self._truth_state(tick, in_contact=False)
 
     def fly(self, tick: int, controls: Sequence[float]) -> bool:
