@@ -1,4 +1,4 @@
-"""What lies between PX4's answer and the next HIL_SENSOR: only what that message needs."""
+"""The calls between PX4's answer and the next HIL_SENSOR: only those that this message needs."""
 
 from __future__ import annotations
 
