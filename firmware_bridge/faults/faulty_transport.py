@@ -193,7 +193,7 @@ class FaultyTransport:
             # The far side sees the line closed as well.
             self._inner.close()
         if self._unplugged is not None:
-            raise LinkClosed(self.name, self._unplugged)
+            raise LinkClosed(self.name, self._unplugged, cause="unplugged")
 
     def write(self, data: bytes) -> None:
         if not self.faults:  # the usual case takes no extra time

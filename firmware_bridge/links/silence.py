@@ -9,7 +9,8 @@
     stopped                      its process is halted (SIGSTOP, a debugger)
     silent                       none of these: it seems to run, and no message explains the silence
 
-A process that has ended, or a connection that has closed, is `LinkClosed` with cause `crashed` instead.
+A process that has ended, or a connection that has closed, is `LinkClosed` with cause `crashed` instead, or with cause
+`unplugged` by a declared fault.
 """
 
 from __future__ import annotations

@@ -104,17 +104,22 @@ class TcpServer(StreamTransport):
 
     def write(self, data: bytes) -> None:
         """Send all of `data`. LinkClosed while no client has connected."""
-        if self._stream is None and not self._accept(0.0):
-            raise LinkClosed(self.name, "no client has connected yet; is the program there started?")
-        super().write(data)
+        stream = self._stream
+        if stream is None:
+            if not self._accept(0.0):
+                raise LinkClosed(self.name, "no client has connected yet; is the program there started?")
+            stream = self._opened()
+        stream.write(data)
 
     def read(self, timeout_s: float) -> bytes:
-        if self._stream is None:
+        stream = self._stream
+        if stream is None:
             start = time.monotonic()
             if not self._accept(timeout_s):
                 return b""
             timeout_s = max(0.0, timeout_s - (time.monotonic() - start))
-        return super().read(timeout_s)
+            stream = self._opened()
+        return stream.read(timeout_s)
 
     def fileno(self) -> int | None:
         active = self._socket or self._listener

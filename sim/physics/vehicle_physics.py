@@ -292,7 +292,25 @@ class VehiclePhysics:
         of `Vehicle.commands`; values beyond them are ignored. Tick 0 is the initial state and ignores them.
         Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
         """
-        return self.finish(self.fly(tick, controls))
+        if (
+            tick in (0, self._next_change)
+            or tick != self._tick + 1
+            or self._rail is not None
+            or self._downwash_W is not None
+            or not self._wind.constant
+        ):
+            return self.finish(self.fly(tick, controls))
+        # Nothing but contact can happen: one call of the kernel flies the tick and finishes it.
+        self._tick = tick
+        done, travelled_m, violation, bad_index = self.body.cruise(controls, 1)
+        if bad_index >= 0:
+            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite")
+        if not done:
+            return self.finish(self._check_contact(travelled_m))
+        self.skips.skipped += 1
+        if violation:
+            raise self._range_error(tick, violation)
+        return self._truth_state(tick, in_contact=False)
 
     def fly(self, tick: int, controls: Sequence[float]) -> bool:
         """Advance to tick `tick` without completing it; see `advance`. Return True if the vehicle touched the scene."""

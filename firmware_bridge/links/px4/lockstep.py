@@ -176,6 +176,7 @@ class LockstepLink(AutopilotLink):
         self._rtts_ns: list[int] = []  # not yet in the statistics
         self._unseen: list[Frame] = []  # by the monitor
         self._held_ticks = 0  # without an answer, in a row
+        self._ground_read = False  # in the present tick, before its answer came
         self._held: list[Frame] = []  # came after the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
@@ -252,7 +253,7 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        if self._air is not None:
+        if self._air is not None and (baro is not None or ranging):
             baro = self._air.put(baro, ranging)
         data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
         try:
@@ -285,6 +286,12 @@ class LockstepLink(AutopilotLink):
                 return None
             self._booting = False
         want_us = t_ns // 1000
+        self._ground_read = False
+        ground_read = False
+        if self.busy_wait_ns and self._ground is not None:
+            # On a processor of its own, while PX4 computes. A datagram that comes later belongs to the next tick.
+            self._frames += self._ground.read()
+            ground_read = True
         self._before_wait = (len(self._frames), self._parser.garbage_bytes)
         frames = self._held
         if frames:
@@ -297,6 +304,7 @@ class LockstepLink(AutopilotLink):
             if answer is not None:
                 self._rtts_ns.append(time.perf_counter_ns() - self._sent_at_ns)
                 self._answer, self._held_ticks = answer, 0
+                self._ground_read = ground_read
                 return self._decode(tick, answer)
             if not deadline_ns:
                 deadline_ns = self._sent_at_ns + int(self._timeouts.reply_s * 1e9)
@@ -408,7 +416,9 @@ class LockstepLink(AutopilotLink):
         return []
 
     def _closed(self, error: LinkClosed) -> LinkClosed:
-        """Return the transport's error, with the end of the process if the link started one."""
+        """Return the transport's error, with the end of the process if the link started one and it closed the line."""
+        if error.cause:
+            return LinkClosed(self.name, str(error), cause=error.cause)
         if self._process is None:
             return LinkClosed(self.name, str(error), cause="crashed")
         return LinkClosed(self.name, f"{error}; {self._process.describe_end()}", cause="crashed")
@@ -502,7 +512,7 @@ class LockstepLink(AutopilotLink):
     def take_frames(self) -> list[Frame]:
         """Return every frame received since the last call, in order, the answers included."""
         frames, self._frames = self._frames, []
-        if self._ground is not None:
+        if self._ground is not None and not self._ground_read:
             frames += self._ground.read()
         self._unseen = frames
         return frames
