@@ -69,7 +69,7 @@ def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False) -> Be
             result.left_out += [f"quality {quality}" for quality in QUALITIES if quality != "low"]
             result.left_out.append(f"rates over {_FRAMES} frames ({_QUICK_FRAMES} were taken)")
         else:
-            _rates(result, Path(folder), box_error_px, status, _Sizes(qualities=QUALITIES))
+            _rates(result, Path(folder), box_error_px, status, _Sizes(qualities=tuple(QUALITIES)))
     return result
 
 

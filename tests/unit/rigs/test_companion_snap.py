@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -93,3 +96,26 @@ def test_many_waypoints_are_flown_in_pieces_and_repeats_are_one() -> None:
     np.testing.assert_allclose(path.at(path.duration_s).p_W, many[-1], atol=1e-7)
     with pytest.raises(ValueError, match="two waypoints"):
         plan(np.zeros((3, 3)), LIMITS)
+
+
+PLAN = """
+import sys
+import numpy as np
+from hil_companion.cuts.planning import Limits, plan
+points_W = np.array([[0, 0, 10], [20, 0, 10], [20, 25, 10], [-20, 25, 12], [-20, 0, 10], [3, 1, 8]], float)
+path = plan(points_W, Limits(4.0, 2.5, 0.25))
+for t_s in np.linspace(0.0, path.duration_s, 200):
+    sys.stdout.buffer.write(np.concatenate(path.at(t_s)).tobytes())
+"""
+
+
+def test_a_plan_is_the_same_with_every_blas_and_number_of_threads() -> None:
+    def planned(**environment: str) -> bytes:
+        env = os.environ | environment | {"PYTHONPATH": str(CLIENT)}
+        return subprocess.run([sys.executable, "-c", PLAN], env=env, capture_output=True, check=True).stdout
+
+    bits = planned()
+    assert len(bits) == 200 * 9 * 8
+    for core in ("Sandybridge", "Haswell"):
+        assert planned(OPENBLAS_CORETYPE=core) == bits
+    assert planned(OPENBLAS_NUM_THREADS="1") == bits

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil_companion.cuts.fixed_order import product, solved
 from hil_companion.cuts.snap_path import SnapPath, derivative_row, snap_weights
 
 SAME_PLACE_M = 0.05
@@ -85,19 +86,18 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
     to_coefficients = [_to_coefficients(time) for time in times]
     cost, weights = np.zeros((len(known), len(known))), snap_weights()
     for span, time, to_c in zip(spans, times, to_coefficients):
-        cost[span, span] += 2.0 * to_c.T @ weights @ to_c / time**7
+        cost[span, span] += 2.0 * product(product(to_c.T, weights), to_c) / time**7
     is_free = np.isnan(known[:, 0])
     free, fixed = np.flatnonzero(is_free), np.flatnonzero(~is_free)
     if len(free):
-        known[free] = np.linalg.solve(cost[np.ix_(free, free)], -cost[np.ix_(free, fixed)] @ known[fixed])
-    return SnapPath(times_s, np.array([to_c @ known[span] for span, to_c in zip(spans, to_coefficients)]))
+        known[free] = solved(cost[np.ix_(free, free)], product(-cost[np.ix_(free, fixed)], known[fixed]))
+    return SnapPath(times_s, np.array([product(to_c, known[span]) for span, to_c in zip(spans, to_coefficients)]))
 
 
 def _to_coefficients(time: float) -> np.ndarray:
     """Return the matrix from the values at both ends of a segment to its coefficients."""
     at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(NODE_VALUES)])
-    inverse: np.ndarray = np.linalg.inv(at_ends)
-    return inverse
+    return solved(at_ends, np.eye(len(at_ends)))
 
 
 def distances_m(path: SnapPath, nodes_W: np.ndarray) -> np.ndarray:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hil_companion.cuts.fixed_order import product
+
 COEFFICIENTS = 8
 SAMPLES = 64  # per segment, for peaks and distances
 
@@ -41,8 +43,8 @@ class SnapPath:
 
     def derivative(self, segment: int, s: float, k: int) -> np.ndarray:
         """Return the k-th time derivative of one segment at s."""
-        value: np.ndarray = derivative_row(s, k) @ self.coefficients[segment] / self.durations_s[segment] ** k
-        return value
+        value = product(derivative_row(s, k)[None], self.coefficients[segment])[0]
+        return np.asarray(value / self.durations_s[segment] ** k)
 
     def at(self, t_s: float) -> PathPoint:
         """Return the point at a time; before its start and after its end the path rests."""
@@ -55,9 +57,8 @@ class SnapPath:
     def sampled(self, k: int) -> np.ndarray:
         """Return the k-th derivative at SAMPLES + 1 points of each segment: (segments, SAMPLES + 1, 3)."""
         rows = np.array([derivative_row(s, k) for s in np.linspace(0.0, 1.0, SAMPLES + 1)])
-        by_s = np.einsum("sc,ica->isa", rows, self.coefficients)
-        by_time: np.ndarray = by_s / self.durations_s[:, None, None] ** k
-        return by_time
+        by_s = np.array([product(rows, coefficients) for coefficients in self.coefficients])
+        return np.asarray(by_s / self.durations_s[:, None, None] ** k)
 
     def stretched(self, factor: float) -> SnapPath:
         """Return the path in `factor` times the time: v / factor, a / factor^2. A minimum-snap path stays one."""

@@ -123,7 +123,7 @@ def test_distances_and_prices() -> None:
     occupied[20, 20] = True
     distance = distances_m(occupied, CELL_M)
     rows, columns = np.mgrid[:40, :40]
-    np.testing.assert_allclose(distance, CELL_M * np.hypot(rows - 20, columns - 20), rtol=0.03)
+    np.testing.assert_allclose(distance, CELL_M * np.hypot(rows - 20, columns - 20), rtol=1e-6)
     clearances = clearances_for(FLIGHT, 0.0, CELL_M)
     price = prices(distance, np.zeros_like(distance), clearances, 0.4)
     assert np.isinf(price[distance < clearances.hard_m - 0.2]).all()

@@ -1,4 +1,4 @@
-"""What stands in the way of straight courses: distances in closed form, free courses, people, and a limit of poses."""
+"""Obstacles on straight courses: distances in closed form, free courses, people, and a limit of poses."""
 
 from __future__ import annotations
 

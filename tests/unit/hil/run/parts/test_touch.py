@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from hil.config import load_bench
+from hil.run.bench_run import run_bench
 from hil.run.parts.catalog import parts_of
 from hil.run.parts.judges.touch import TouchPart
 from signals.samples import TruthState, Vec3
@@ -100,8 +101,6 @@ def test_the_part_is_there_where_something_can_be_hit(settings: tuple[str, ...],
 
 
 def test_a_flight_through_a_tree_fails(tmp_path: Path) -> None:
-    from hil.run.bench_run import run_bench  # a flight: only this test needs it
-
     plan = tmp_path / "down.waypoints"
     rows = ["QGC WPL 110"]
     home = "47.397742\t8.545594\t488"
@@ -110,6 +109,6 @@ def test_a_flight_through_a_tree_fails(tmp_path: Path) -> None:
     plan.write_text("\n".join([*rows, ""]))
     settings = ("autopilot.transport=loopback", "limits.final_error_m=null", "limits.max_cross_track_m=null")
     bench = load_bench(scene="city_park", mission=str(plan), settings=settings)
-    result = run_bench(bench, tmp_path / "run", quiet=True)
-    assert result["status"] == "FAIL"
-    assert any("in flight" in reason for reason in result["reasons"])
+    run = run_bench(bench, tmp_path / "run", quiet=True).run
+    assert run["status"] == "FAIL"
+    assert any("touched 'tree_" in reason and "in flight" in reason for reason in run["verdict"]["reasons"])
