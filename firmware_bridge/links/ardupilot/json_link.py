@@ -81,7 +81,6 @@ _SLICE_S = 0.05
 _CHECK_S = 0.25  # how often the process is checked while waiting
 # SITL repeats after 1 s of silence. A repeat that has crossed the bench's answer is followed by the next packet.
 _GRACE_S = 0.25
-_COUNTED_ANSWERS = 256  # whose times are counted at once
 _UNSETTLED_PACKETS = 1000  # the rate may change by 1 Hz a packet, from 1200
 _RATE_TOLERANCE_HZ = 1.5  # SITL reports the rate of the bench's timestamps, with an error of 1 Hz
 _MODULUS = 1 << 32
@@ -165,7 +164,6 @@ class ArduPilotJsonLink(AutopilotLink):
 
     def _reset(self) -> None:
         self._stats = ArduPilotStats()
-        self._rtts_ns: list[int] = []  # not yet in the statistics
         self._start_over()
 
     def _start_over(self) -> None:
@@ -244,8 +242,6 @@ class ArduPilotJsonLink(AutopilotLink):
         stats = self._stats
         stats.steps += 1
         stats.tx_bytes += len(extra) + len(data)
-        if len(self._rtts_ns) >= _COUNTED_ANSWERS:
-            self._count_answers()
         if self._last_t_ns is not None:
             self._tick_ns = t_ns - self._last_t_ns
         self._last_t_ns = t_ns
@@ -259,22 +255,13 @@ class ArduPilotJsonLink(AutopilotLink):
         if self.busy_wait_ns:  # on a processor of its own: telemetry is read while SITL computes
             self._drain()
         packet = self._await_next(t_ns)
-        self._rtts_ns.append(time.perf_counter_ns() - self._sent_at_ns)
+        self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
         if not self.busy_wait_ns:
             self._drain()
         self._watch_rate(packet)
         self._has_outputs = self._has_outputs or packet.pwm_us[:CONTROLS] != _BOOT_US
         controls = self._pwm.controls(packet.pwm_us) if self._has_outputs else (0.0,) * CONTROLS
         return motor_command(tick, t_ns, controls, self._vehicle.base_mode, self._pwm.signed)
-
-    def _count_answers(self) -> None:
-        self._stats.rtt.add_all(self._rtts_ns)
-        self._rtts_ns.clear()
-
-    @property
-    def stats(self) -> LinkStats:
-        self._count_answers()
-        return super().stats
 
     # ---- sending
 
