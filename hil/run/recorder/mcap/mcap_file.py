@@ -107,6 +107,8 @@ def pack_chunk(
     `declarations`: records of schemas and channels at the head of the chunk.
     """
     parts = [declarations, *chain.from_iterable(block.parts for block in blocks)]
+    if compressor:
+        parts = [b"".join(parts)]
     plain_size = sum(map(len, parts))
     counts = [len(block.log_ns) for block in blocks]
     begins = list(accumulate((sum(map(len, block.parts)) for block in blocks), initial=len(declarations)))[:-1]
@@ -118,7 +120,7 @@ def pack_chunk(
     for part in parts:
         crc = crc32(part, crc)
     if compressor:
-        parts = [compressor.compress(b"".join(parts))]
+        parts = [compressor.compress(parts[0])]
     name = b"zstd" if compressor else b""
     compressed_size = sum(map(len, parts))
     length = 8 + 8 + 8 + 4 + 4 + len(name) + 8 + compressed_size
