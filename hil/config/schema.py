@@ -254,12 +254,15 @@ CourseCoordinate = Annotated[float, Field(ge=-2000, le=2000)]
 CoursePoint = tuple[CourseCoordinate, CourseCoordinate]
 
 
+MAX_HEIGHT_M = 500.0  # of a course
+
+
 class Trajectory(Section):
     """A course for `hil dataset`, flown repeatedly from the take-off place (hil/apps/dataset/trajectory.py)."""
 
     preset: Literal["square", "circle", "figure_eight", "survey", "points"] = "square"
     side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square around the course
-    height_m: Annotated[float, Field(ge=1, le=500)] = 8.0  # above the take-off place
+    height_m: Annotated[float, Field(ge=1, le=MAX_HEIGHT_M)] = 8.0  # above the take-off place
     clear: bool = False  # raise the course by whole metres until nothing that stands still is in its way
     speed_mps: Annotated[float, Field(ge=0.2, le=15)] = 3.0
     # Used by the preset `points` alone: east and north of the take-off place, flown in this order, then from the first.

@@ -34,7 +34,7 @@ def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> st
     causes = [f"{error.get('type')}: {error.get('message')}"] if isinstance(error, dict) else reasons
     if fresh.get("status") == "PASS" and (status == "ERROR" or (identical and status == "FAIL")):
         words = "the run that this one replays ended as ERROR" if status == "ERROR" else _NOT_REPEATED
-        carried = [f"{words}: {cause}" for cause in causes]
+        carried = [f"{words}: {cause}" for cause in causes or ["no cause recorded"]]
         fresh["status"], fresh["verdict"] = "FAIL", {**fresh.get("verdict", {}), "reasons": carried}
         try:
             amend_page(fresh_dir, fresh)

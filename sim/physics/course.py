@@ -1,7 +1,7 @@
 """Search of straight courses for what stands in their way.
 
-The contact shapes of the vehicle, level and heading along the course, are tested against the solid geoms of the scene
-in steps of half its radius. What moves (people, traffic) is left out.
+The contact shapes of the vehicle, as it stands but heading along the course, are tested against the solid geoms of the
+scene in steps of half its radius: what is thinner than a step may be missed. What moves (people, traffic) is left out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.world_loader import load_world
 
-MAX_POSES = 20_000  # some 3 km, and a second of processor time
+_GROUND = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 
 
 class Obstacle(NamedTuple):
@@ -31,12 +31,13 @@ class Obstacle(NamedTuple):
     name: str
     p_W: Vec3  # the vehicle there [m]
     after_m: float  # way from the start of the course to there
+    is_ground: bool  # a plane or a height field
 
 
 def obstacles(scene: Scene, vehicle: Vehicle, courses: Iterable[tuple[Vec3, Vec3]]) -> Iterator[Obstacle]:
     """Yield the first obstacle of each course, start and end in W [m], that is not free.
 
-    Ends after `MAX_POSES` poses. Raises ConfigError for a wrong scene.
+    A kilometre takes about half a second of processor time. Raises ConfigError for a wrong scene.
     """
     if scene.has_only_boxes and not scene.boxes:
         return
@@ -44,29 +45,26 @@ def obstacles(scene: Scene, vehicle: Vehicle, courses: Iterable[tuple[Vec3, Vec3
     model = build_model(scene, vehicle, contact_step_s=CONTACT_STEP_S)
     data = mujoco.MjData(model)
     body = int(model.jnt_bodyid[0])
-    poses = 0
     for course, (start_W, end_W) in enumerate(courses):
-        for after_m, p_W, half_yaw_rad in _poses(start_W, end_W, 0.5 * vehicle.bounding_radius_m):
-            if poses == MAX_POSES:
-                return
-            poses += 1
-            data.qpos[:] = (*p_W, math.cos(half_yaw_rad), 0.0, 0.0, math.sin(half_yaw_rad))
+        q_WB = vehicle.standing_quat(math.atan2(end_W[1] - start_W[1], end_W[0] - start_W[0]))
+        for after_m, p_W in _places(start_W, end_W, 0.5 * vehicle.bounding_radius_m):
+            data.qpos[:] = (*p_W, *q_WB)
             geom = _touched(model, data, body)
             if geom >= 0:
-                yield Obstacle(course, solid_name(world, model, geom), p_W, after_m)
+                ground = int(model.geom_type[geom]) in _GROUND
+                yield Obstacle(course, solid_name(world, model, geom), p_W, after_m, ground)
                 break
 
 
-def _poses(start_W: Vec3, end_W: Vec3, step_m: float) -> Iterator[tuple[float, Vec3, float]]:
-    """Yield way from the start, place and half the heading along a course, its ends included."""
+def _places(start_W: Vec3, end_W: Vec3, step_m: float) -> Iterator[tuple[float, Vec3]]:
+    """Yield way from the start and place along a course, its ends included."""
     way = np.subtract(end_W, start_W)
     length_m = norm((float(way[0]), float(way[1]), float(way[2])))
-    half_yaw_rad = 0.5 * math.atan2(way[1], way[0])
     steps = math.ceil(length_m / step_m)
     for step in range(steps + 1):
         share = step / max(steps, 1)
         x, y, z = np.asarray(start_W) + share * way
-        yield share * length_m, (float(x), float(y), float(z)), half_yaw_rad
+        yield share * length_m, (float(x), float(y), float(z))
 
 
 def _touched(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> int:

@@ -514,6 +514,7 @@ class LockstepLink(AutopilotLink):
         frames, self._frames = self._frames, []
         if self._ground is not None and not self._ground_read:
             frames += self._ground.read()
+        self._ground_read = False
         self._unseen = frames
         return frames
 

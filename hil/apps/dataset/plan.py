@@ -21,10 +21,10 @@ from typing import Any
 from firmware_bridge.autopilots.catalog import PROFILES
 from hil.apps.dataset.trajectory import waypoints_text
 from hil.config import Bench, BenchConfig, SensorConfig, load_bench, site_of
-from hil.config.checks.course_notes import course_notes
+from hil.config.checks.course_notes import first_note
 from hil.config.files import find
 from hil.config.missions import load_mission
-from hil.config.schema import Record, Trajectory
+from hil.config.schema import MAX_HEIGHT_M, Record, Trajectory
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -43,7 +43,7 @@ FORMATS = ("boxes", "kitti", "nuscenes")  # of 3-D labels
 ALWAYS_WRITTEN = ("euroc", "voc", "coco", "mcap")
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
 MISSION_NAME = "trajectory.waypoints"
-_MOST_RAISED_M = 40  # that a course is raised to be clear
+_MOST_RAISED_M = 40.0  # that a course is raised to be clear
 
 # Folder names in mav0 by channel; the sensor's number is appended.
 CHANNEL_FOLDERS = {name: name for name in CHANNELS} | {"rgb": "cam"}
@@ -354,12 +354,16 @@ def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
     if trajectory is None:
         return bench
     path = work() / MISSION_NAME
-    for raised_m in range(_MOST_RAISED_M + 1 if trajectory.clear else 1):
-        raised = trajectory.model_copy(update={"height_m": trajectory.height_m + raised_m})
-        flown = _on_course(bench, raised, path)
-        if not trajectory.clear or not course_notes(flown):
+    if not trajectory.clear:
+        return _on_course(bench, trajectory, path)
+    highest_m, note = min(trajectory.height_m + _MOST_RAISED_M, MAX_HEIGHT_M), ""
+    while trajectory.height_m <= highest_m:
+        flown = _on_course(bench, trajectory, path)
+        note = first_note(flown)
+        if not note:
             return flown
-    message = f"finds no free way up to {trajectory.height_m + _MOST_RAISED_M:g} m: {course_notes(flown)[0]}"
+        trajectory = trajectory.model_copy(update={"height_m": trajectory.height_m + 1.0})
+    message = f"finds no free way up to {highest_m:g} m: {note}"
     raise ConfigError([Problem("dataset.trajectory.clear", message, "take another course or place, or clear: false")])
 
 

@@ -177,7 +177,9 @@ def _row_and_reasons(measured: Measured) -> tuple[Row, list[str]]:
             reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed{when}")
         if e.at_least is not None and not value >= e.at_least:
             reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}{when}")
-        if limits and not reasons and measured.cut_s is not None:
+        # A maximum can only rise in the rest of the window, a minimum only fall.
+        open_limit = e.at_least if e.measure.startswith("min_") else e.at_most
+        if open_limit is not None and not reasons and measured.cut_s is not None:
             reasons.append(
                 f"{label} was measured only until the run ended at {measured.cut_s:.1f} s{when}: set a to_s within "
                 "the flight"

@@ -109,7 +109,7 @@ for t_s in np.linspace(0.0, path.duration_s, 200):
 """
 
 
-def test_a_plan_is_the_same_with_every_blas_and_number_of_threads() -> None:
+def test_a_plan_is_the_same_with_every_blas_number_of_threads_and_libm() -> None:
     def planned(**environment: str) -> bytes:
         env = os.environ | environment | {"PYTHONPATH": str(CLIENT)}
         return subprocess.run([sys.executable, "-c", PLAN], env=env, capture_output=True, check=True).stdout
@@ -119,3 +119,4 @@ def test_a_plan_is_the_same_with_every_blas_and_number_of_threads() -> None:
     for core in ("Sandybridge", "Haswell"):
         assert planned(OPENBLAS_CORETYPE=core) == bits
     assert planned(OPENBLAS_NUM_THREADS="1") == bits
+    assert planned(GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable") == bits

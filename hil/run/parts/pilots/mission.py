@@ -22,11 +22,14 @@ class MissionPart(Part):
         self._station, self._flies, self._mission = station, flies, mission
         self._run: RunContext | None = None  # from `begin` on
 
-    def begin(self, run: RunContext) -> None:
-        self._run = run
+    def open(self, run: RunContext) -> None:
+        # Before the links open: an autopilot would wait meanwhile.
         if self._mission is not None:
             for note in (*self._mission.notes, *course_notes(run.bench)):
                 run.say("warning", note)
+
+    def begin(self, run: RunContext) -> None:
+        self._run = run
 
     def build(self, run: RunContext) -> None:
         if self._station is not None:

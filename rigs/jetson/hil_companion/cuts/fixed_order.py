@@ -1,12 +1,20 @@
 """Products and solutions of small matrices with the same bits on every machine.
 
-BLAS and LAPACK choose the order of their sums by processor and number of threads. Here every sum has a fixed order, of
-operations element by element, each rounded once (IEEE 754).
+BLAS and LAPACK choose the order of their sums by processor and number of threads, and `pow` of the C library its code.
+Here every sum and product has a fixed order, of operations element by element, each rounded once (IEEE 754).
 """
 
 from __future__ import annotations
 
 import numpy as np
+
+
+def power(x: float, n: int) -> float:
+    """Return x^n for n >= 0."""
+    value = 1.0
+    for _ in range(n):
+        value *= float(x)
+    return value
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

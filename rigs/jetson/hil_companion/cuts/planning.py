@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil_companion.cuts.fixed_order import product, solved
+from hil_companion.cuts.fixed_order import power, product, solved
 from hil_companion.cuts.snap_path import SnapPath, derivative_row, snap_weights
 
 SAME_PLACE_M = 0.05
@@ -86,7 +86,7 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
     to_coefficients = [_to_coefficients(time) for time in times]
     cost, weights = np.zeros((len(known), len(known))), snap_weights()
     for span, time, to_c in zip(spans, times, to_coefficients):
-        cost[span, span] += 2.0 * product(product(to_c.T, weights), to_c) / time**7
+        cost[span, span] += 2.0 * product(product(to_c.T, weights), to_c) / power(time, 7)
     is_free = np.isnan(known[:, 0])
     free, fixed = np.flatnonzero(is_free), np.flatnonzero(~is_free)
     if len(free):
@@ -96,7 +96,7 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
 
 def _to_coefficients(time: float) -> np.ndarray:
     """Return the matrix from the values at both ends of a segment to its coefficients."""
-    at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(NODE_VALUES)])
+    at_ends = np.array([derivative_row(s, k) / power(time, k) for s in (0.0, 1.0) for k in range(NODE_VALUES)])
     return solved(at_ends, np.eye(len(at_ends)))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_companion.cuts.fixed_order import product
+from hil_companion.cuts.fixed_order import power, product
 
 COEFFICIENTS = 8
 SAMPLES = 64  # per segment, for peaks and distances
@@ -17,7 +17,7 @@ def derivative_row(s: float, k: int) -> np.ndarray:
     """Return the row r (8,) with r c = the k-th derivative of c_0 + c_1 s + ... + c_7 s^7 at s."""
     row = np.zeros(COEFFICIENTS)
     for i in range(k, COEFFICIENTS):
-        row[i] = factorial(i) / factorial(i - k) * s ** (i - k)
+        row[i] = factorial(i) / factorial(i - k) * power(s, i - k)
     return row
 
 
@@ -44,7 +44,7 @@ class SnapPath:
     def derivative(self, segment: int, s: float, k: int) -> np.ndarray:
         """Return the k-th time derivative of one segment at s."""
         value = product(derivative_row(s, k)[None], self.coefficients[segment])[0]
-        return np.asarray(value / self.durations_s[segment] ** k)
+        return np.asarray(value / power(self.durations_s[segment], k))
 
     def at(self, t_s: float) -> PathPoint:
         """Return the point at a time; before its start and after its end the path rests."""
@@ -58,7 +58,7 @@ class SnapPath:
         """Return the k-th derivative at SAMPLES + 1 points of each segment: (segments, SAMPLES + 1, 3)."""
         rows = np.array([derivative_row(s, k) for s in np.linspace(0.0, 1.0, SAMPLES + 1)])
         by_s = np.array([product(rows, coefficients) for coefficients in self.coefficients])
-        return np.asarray(by_s / self.durations_s[:, None, None] ** k)
+        return by_s / np.array([power(duration_s, k) for duration_s in self.durations_s])[:, None, None]
 
     def stretched(self, factor: float) -> SnapPath:
         """Return the path in `factor` times the time: v / factor, a / factor^2. A minimum-snap path stays one."""

@@ -90,3 +90,41 @@ def test_a_course_without_a_free_way_is_refused(tmp_path: Path) -> None:
     bench = bench_file(tmp_path, 5.0, height_m=80.0)
     with pytest.raises(ConfigError, match=r"dataset.trajectory.clear: finds no free way up to 48 m: .*'wall_0'"):
         course_of(bench, tmp_path, clear="true")
+
+
+def test_a_clear_course_is_searched_to_its_end(tmp_path: Path) -> None:
+    bench = bench_file(tmp_path, 5.0, height_m=700.0)
+    with pytest.raises(ConfigError, match=r"finds no free way up to 500 m"):
+        course_of(bench, tmp_path, clear="true", height_m=499)
+
+
+def test_a_long_mission_is_searched_in_part_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.config.checks.course_notes._MAX_M", 20.0)
+    *_, last = course_of(bench_file(tmp_path, 300.0), tmp_path)
+    assert "only 27 m of 87 m were searched for things in the way" in last
+
+
+def notes_of(folder: Path, *rows: str) -> list[str]:
+    """Return the notes on a mission of these rows, from a start 5 m before a box of 2 m height and 8 m length."""
+    (folder / "m.waypoints").write_text("\n".join(["QGC WPL 110", "0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t400\t1", *rows, ""]))
+    path = bench_file(folder, 9.0, height_m=2.0, more=f"mission: {folder / 'm.waypoints'}\n")
+    text = (folder / "yard.yaml").read_text().replace("size_m: [0.2,", "size_m: [8,")
+    (folder / "yard.yaml").write_text(text)
+    return course_notes(load_bench(path))
+
+
+UP = "1\t0\t3\t22\t0\t0\t0\t0\t{lat}\t{lon}\t{up}\t1"
+OVER = (47.0, 8.0 + 9.0 / 76_060.0)  # 9 m east: over the box
+
+
+def test_a_landing_on_a_box_is_told_as_such(tmp_path: Path) -> None:
+    lat, lon = OVER
+    rows = [UP.format(lat=0, lon=0, up=8), f"2\t0\t3\t21\t0\t0\t0\t0\t{lat}\t{lon:.8f}\t0\t1"]
+    (note,) = notes_of(tmp_path, *rows)
+    assert "item 2: the landing there comes down on 'wall_0', at (9.0, 0.0, 2." in note
+
+
+def test_a_climb_leads_straight_up_and_a_return_is_left_out(tmp_path: Path) -> None:
+    lat, lon = OVER
+    rows = [UP.format(lat=lat, lon=f"{lon:.8f}", up=3), "2\t0\t2\t20\t0\t0\t0\t0\t0\t0\t0\t1"]
+    assert notes_of(tmp_path, *rows) == []

@@ -1,11 +1,13 @@
-"""Obstacles on straight courses: distances in closed form, free courses, people, and a limit of poses."""
+"""Obstacles on straight courses: distances in closed form, free courses, and what moves."""
 
 from __future__ import annotations
 
+import mujoco
 import pytest
 
-from sim.physics import course
+from sim.physics.contact_model import build_model
 from sim.physics.course import obstacles
+from sim.physics.take_off import CONTACT_STEP_S
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box, load_scene
 
@@ -43,12 +45,12 @@ def test_a_course_that_ends_inside_and_one_along_the_ground_are_told_in_their_or
     assert found[1].after_m == 0.0
 
 
-def test_people_of_a_map_are_left_out() -> None:
-    # Up from the ground the park's people walk on, over a path that they cross: nothing solid stands there.
-    scene = load_scene("city_park")
-    assert list(obstacles(scene, X500, [((0.0, 0.0, 1.0), (0.0, 0.0, 30.0))])) == []
-
-
-def test_the_search_ends_after_its_number_of_poses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(course, "MAX_POSES", 5)
-    assert list(obstacles(SCENE, X500, [((0.0, 0.0, 2.0), (20.0, 0.0, 2.0))])) == []
+def test_what_moves_is_left_out() -> None:
+    scene, p_W = load_scene("city_park"), (0.0, 0.0, 0.3)
+    model = build_model(scene, X500, contact_step_s=CONTACT_STEP_S)
+    data = mujoco.MjData(model)  # its people, not yet posed, all stand at the origin, over the free ground
+    data.qpos[:] = (*p_W, 1.0, 0.0, 0.0, 0.0)
+    mujoco.mj_forward(model, data)
+    touched = {int(model.geom_bodyid[geom]) for contact in data.contact if contact.dist < 0.0 for geom in contact.geom}
+    assert any(model.body_mocapid[body] >= 0 for body in touched)
+    assert list(obstacles(scene, X500, [(p_W, p_W)])) == []

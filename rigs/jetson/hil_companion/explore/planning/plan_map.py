@@ -66,8 +66,10 @@ def distances_m(occupied: np.ndarray, cell_m: float) -> np.ndarray:
     if not occupied.any():
         return np.full(occupied.shape, 1e3, np.float32)
     free = np.where(occupied, 0, 1).astype(np.uint8)
-    # Exact: with a mask of 5 x 5 the error, up to 2 %, depends on the library that OpenCV takes on this processor.
-    return np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32) * np.float32(cell_m)
+    # OpenCV takes its own code or another library's, by processor, threads and size, and they round differently: the
+    # squares are whole numbers. With a mask of 5 x 5 they would differ by up to 2 %.
+    cells = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.sqrt(np.rint(np.square(cells, dtype=np.float64))).astype(np.float32) * np.float32(cell_m)
 
 
 def prices(distance_m: np.ndarray, unknown: np.ndarray, clearances: Clearances, unknown_price: float) -> np.ndarray:

@@ -100,7 +100,7 @@ def test_a_fence_and_rally_points_that_nobody_gets_are_told() -> None:
     )
     said: list[tuple[str, str]] = []
     run: Any = SimpleNamespace(say=lambda kind, text: said.append((kind, text)), bench=SimpleNamespace(mission=None))
-    MissionPart(None, flies=True, mission=mission).begin(run)
+    MissionPart(None, flies=True, mission=mission).open(run)
     assert said == [("warning", note) for note in mission.notes]
     assert load(text + '"rallyPoints": {"points": []}}').notes == mission.notes[:1]
     assert load_mission(MISSIONS / "rectangle.plan", site=SITE).notes == ()

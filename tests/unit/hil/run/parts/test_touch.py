@@ -16,7 +16,8 @@ from signals.samples import TruthState, Vec3
 
 TICK_NS = 4_000_000
 STILL: Vec3 = (0.0, 0.0, 0.0)
-TREE = SimpleNamespace(name="tree_002")
+TREE = SimpleNamespace(name="tree_002", normal_W=(0.0, 0.0, 1.0))
+WALL = SimpleNamespace(name="wall", normal_W=(1.0, 0.0, 0.0))
 
 
 class Judged:
@@ -53,9 +54,10 @@ def test_what_is_touched_in_flight_and_left_behind_is_a_fail() -> None:
     judged = Judged()
     judged.stay(2.0, (0.0, 0.0, 6.5))
     judged.stay(3.0, (0.5, 0.0, 5.5), contact=True)  # slides down the crown
-    judged.stay(0.1, (0.5, 0.0, 4.0))
+    judged.stay(0.1, (0.5, 0.0, 4.5), contact=True)
+    judged.stay(0.1, (0.5, 0.0, 3.6))
     assert judged.reasons == []
-    judged.stay(0.1, (0.5, 0.0, 3.0))
+    judged.stay(0.1, (0.5, 0.0, 3.4))
     assert judged.reasons == [
         "touched 'tree_002' in flight, 2.00 s after the start at (0.5, 0.0, 5.5) m, and went on; "
         "crash.touch_m allows 2 m"
@@ -84,6 +86,27 @@ def test_a_bounce_and_a_landing_on_a_roof_with_another_flight_pass() -> None:
     judged.stay(2.0, (40.0, 0.0, 9.0))
     judged.stay(2.0, (60.0, 0.0, 0.2), v=STILL, contact=True)
     assert judged.reasons == []
+
+
+def test_a_landing_that_slides_or_trembles_passes() -> None:
+    judged = Judged()
+    judged.stay(2.0, (0.0, 0.0, 3.0))
+    for i in range(12):
+        judged.stay(0.2, (0.3 * i, 0.0, 0.3), v=(0.9, 0.0, 0.0), contact=True)
+        judged.stay(0.004, (0.3 * i, 0.0, 0.31), v=(0.9, 0.0, 0.0))
+    for _ in range(4):
+        judged.stay(0.4, (3.3, 0.0, 0.3), v=STILL, contact=True)
+        judged.stay(0.004, (3.3, 0.0, 0.301), v=STILL)
+    judged.stay(1.0, (20.0, 0.0, 9.0))
+    assert judged.reasons == []
+
+
+def test_a_vehicle_that_is_held_by_a_wall_has_not_landed() -> None:
+    judged = Judged(contact=WALL)
+    judged.stay(2.0, (0.0, 0.0, 3.0))
+    judged.stay(3.0, (0.0, 0.0, 3.0), v=STILL, contact=True)
+    judged.stay(0.1, (2.5, 0.0, 3.0))
+    assert "touched 'wall' in flight" in judged.reasons[0]
 
 
 @pytest.mark.parametrize(
