@@ -5,13 +5,15 @@ each round of the scenes. Side, height, speed, camera pitch and quality follow a
 numbers (Roberts's R_5), which fill the space evenly for any number of sets and need no random numbers. Series share no
 world if their seeds do not overlap.
 
-Each set is one call of `hil dataset` on the same bench file, so it can be made again alone. Complete sets are kept.
+Each set is one call of `hil dataset` on the same bench file, so it can be made again alone. Complete sets are kept. A
+course may lead into a wall; then it is flown over what stands there.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -35,6 +37,7 @@ COURSES = ("survey", "figure_eight", "circle", "square")
 # Of four sets, one has no textures and only one has shadows, because `high` takes four times as long as `medium`.
 QUALITIES = ("medium", "low", "medium", "high")
 MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
+_FLIGHT_FAILED = 3  # status of `hil dataset`
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
 
 
@@ -159,6 +162,7 @@ def make_data_sets(
 
 
 def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> None:
+    """Make a data set, anew if it is incomplete; where its flight fails, once more over what is in its way."""
     if _is_complete(folder):
         return
     command = [sys.executable, "-P", "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
@@ -166,9 +170,12 @@ def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str])
     command += ["--seed", str(plan.seed), "--quality", plan.quality]
     for setting in settings:
         command += ["--set", setting]
-    if folder.is_dir():
-        command.append("--resume")
-    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    for more in ([], ["--set", "dataset.trajectory.clear=true"]):
+        if (folder / MANIFEST).is_file():  # nothing but a data set is deleted
+            shutil.rmtree(folder)
+        process = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
+        if process.returncode != _FLIGHT_FAILED:
+            break
     if process.returncode != 0:
         output = " ".join((process.stderr or process.stdout).split())[-400:]
         raise RecordingError(f"{folder}: `hil dataset` ended with status {process.returncode}: {output}")

@@ -109,7 +109,7 @@ class Appearance:
 
 def appearance_ratio(tracks: Sequence[Appearance]) -> float:
     """Return the log-likelihood ratio of one object against as many objects as tracks."""
-    ordered = sorted(tracks, key=lambda a: (-a.sightings, a.contrasts))
+    ordered = sorted(tracks, key=lambda a: (-a.sightings, a.contrasts[0] != a.contrasts[0], a.contrasts))
     if len(ordered) < 2:
         return 0.0
     # The first track may be odd itself: the best of the first ones that leads the others.

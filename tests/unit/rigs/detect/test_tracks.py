@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import cv2
@@ -233,6 +233,12 @@ def test_a_person_seen_from_two_sides_with_one_odd_part_is_still_the_same() -> N
     assert same > 3.0 * math.log(0.1)  # an odd block of contrasts costs ln eps at most
     several = [Appearance.of_track(front, 10)] * 3
     assert appearance_ratio([*several, Appearance.of_track(back, 10)]) > 3.0  # whoever leads, the others agree
+
+
+def test_tracks_without_a_look_have_their_place_in_the_order() -> None:
+    tracks = [Appearance.of_track(None if i % 2 else front, 10) for i, front in enumerate([BLUE, BLUE, RED, RED, BLUE])]
+    ratios = {appearance_ratio(list(order)) for order in permutations(tracks)}
+    assert len(ratios) == 1
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 3.0), st.floats(0.05, 0.9), st.integers(2, 40)), min_size=1, max_size=5))
