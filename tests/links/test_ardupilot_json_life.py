@@ -127,32 +127,6 @@ def test_messages_go_before_the_state_and_telemetry_belongs_to_its_tick(make, si
     assert link.take_frames() == []
 
 
-@pytest.mark.parametrize(
-    ("alone", "order"), [(True, ["telemetry", "packet"]), (False, ["sleep", "sleep", "packet", "telemetry"])]
-)
-def test_on_a_processor_of_its_own_the_link_reads_telemetry_first_and_then_polls(make, sitl, monkeypatch, alone, order):
-    link = make()
-    fly(link, sitl, 2)
-    link.busy_wait_ns = 10**12 if alone else 0
-    read, receive = link._mavlink.read, link._inbox.receive
-    seen, empty = [], [None, None]  # the packet comes at the third look
-
-    def look():
-        if empty:
-            return empty.pop()
-        seen.append("packet")
-        return receive()
-
-    send(link, 2)
-    sitl.step()
-    monkeypatch.setattr(link._mavlink, "read", lambda: seen.append("telemetry") or read())
-    monkeypatch.setattr(link._inbox, "receive", look)
-    monkeypatch.setattr(link, "_pause", lambda limit_s: seen.append("sleep"))
-    assert link.wait(2, 2 * TICK_NS).tick == 2
-    assert seen == order
-    assert link.stats.rtt.count == 3
-
-
 def test_messages_for_an_autopilot_not_heard_yet_are_queued(make, sitl):
     link = make()
     send(link, 0, extra=command(1))

@@ -252,12 +252,9 @@ class ArduPilotJsonLink(AutopilotLink):
 
         LockstepLost: no further packet within the limit. LinkClosed: its process ended, or it has started again.
         """
-        if self.busy_wait_ns:  # on a processor of its own: telemetry is read while SITL computes
-            self._drain()
         packet = self._await_next(t_ns)
         self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
-        if not self.busy_wait_ns:
-            self._drain()
+        self._drain()
         self._watch_rate(packet)
         self._has_outputs = self._has_outputs or packet.pwm_us[:CONTROLS] != _BOOT_US
         controls = self._pwm.controls(packet.pwm_us) if self._has_outputs else (0.0,) * CONTROLS
@@ -328,8 +325,6 @@ class ArduPilotJsonLink(AutopilotLink):
                 again_ns = None
                 self._inbox.send(self._reply, self._sender)
                 self._stats.answered_again += 1
-            if now_ns - self._sent_at_ns < self.busy_wait_ns:
-                continue
             if now_ns >= check_ns:
                 check_ns = now_ns + int(_CHECK_S * 1e9)
                 self.while_waiting()
