@@ -52,7 +52,7 @@ def on_free_ground(scene: Scene, vehicle: Vehicle) -> Scene:
 def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:
     """Report problems of a scene's map and of the place where the vehicle starts."""
     moved = start.p_W != Start().p_W
-    if scene.has_only_boxes and not scene.boxes and not moved:
+    if scene.is_bare and not moved:
         return []
     try:
         load_world(scene)

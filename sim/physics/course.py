@@ -39,7 +39,7 @@ def obstacles(scene: Scene, vehicle: Vehicle, courses: Iterable[tuple[Vec3, Vec3
 
     A kilometre takes about half a second of processor time. Raises ConfigError for a wrong scene.
     """
-    if scene.has_only_boxes and not scene.boxes:
+    if scene.is_bare:
         return
     world = load_world(scene)
     model = build_model(scene, vehicle, contact_step_s=CONTACT_STEP_S)

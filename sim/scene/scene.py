@@ -141,6 +141,11 @@ class Scene(StrictModel):
         return self if self._original is None else self._original
 
     @property
+    def is_bare(self) -> bool:
+        """True if nothing stands on its flat ground."""
+        return self.has_only_boxes and not self.boxes
+
+    @property
     def has_only_boxes(self) -> bool:
         """True if the scene is the ground plane with boxes or without: no map, no added people."""
         return self.map is None and (self._appearance is None or self._appearance.people is None)

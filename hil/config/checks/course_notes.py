@@ -32,7 +32,7 @@ class _Way(NamedTuple):
 
 def course_notes(bench: Bench) -> list[str]:
     """Describe what the vehicle of a bench would touch on the straight ways of its mission, of what stands still."""
-    if bench.mission is None:
+    if bench.mission is None or bench.scene.is_bare:
         return []
     ways, left_m, whole_m = [], _MAX_M, 0.0
     for way in _ways(bench):
@@ -47,9 +47,8 @@ def course_notes(bench: Bench) -> list[str]:
     if len(notes) > _SHOWN:
         shown[-1] += f"; {len(notes) - _SHOWN} more in the way"
     looked_m = sum(way.length_m for way in ways)
-    if looked_m < whole_m and not (bench.scene.has_only_boxes and not bench.scene.boxes):
-        searched = f"only {looked_m:.0f} m of {whole_m:.0f} m were searched for things in the way"
-        shown.append(f"{bench.mission.path}: {searched}")
+    if looked_m < whole_m:
+        shown.append(f"mission: only {looked_m:.0f} m of {whole_m:.0f} m were searched for things in the way")
     return shown
 
 

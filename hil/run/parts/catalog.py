@@ -47,9 +47,9 @@ def _may_stay(bench: Bench) -> bool:
 
 def _may_touch(bench: Bench) -> bool:
     """Return True if the vehicle should land where it touches something, and there is more than flat ground."""
-    crash, scene = bench.config.crash, bench.scene
+    crash = bench.config.crash
     asked = crash is not None and crash.touch_m is not None and bench.outcome not in ("crashed", "any")
-    return asked and not is_plane(bench.vehicle) and bool(scene.boxes or not scene.has_only_boxes)
+    return asked and not is_plane(bench.vehicle) and not bench.scene.is_bare
 
 
 def _always(bench: Bench) -> bool:  # noqa: ARG001
@@ -67,6 +67,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
+    ("judges.course", lambda bench: bench.mission is not None and not bench.scene.is_bare),
     ("judges.flight", lambda bench: not is_plane(bench.vehicle) and not is_vtol(bench.vehicle)),
     ("judges.vtol_flight", lambda bench: is_vtol(bench.vehicle)),
     ("judges.plane_flight", lambda bench: is_plane(bench.vehicle)),

@@ -15,7 +15,7 @@
 
 All but the last two use the ticks from `from_s` to `to_s`, both included, by default the whole run. A measurement that
 has a limit fails if it was never taken (the run ended too early, the vehicle never touched down), if the run ended
-before `to_s`, and if it is NaN.
+before `to_s` and the rest of the window could have broken the limit, and if it is NaN.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
 from hil.config import Bench
-from hil.config.checks.course_notes import course_notes
-from hil.config.missions.mission import Mission
 from hil.run.autopilot import grid_ns
 from hil.run.part import Part, RunContext
 from hil.run.recorder.recorder import Recorder
@@ -17,19 +17,18 @@ from signals.rotation import norm
 class MissionPart(Part):
     name = "mission"
 
-    def __init__(self, station: GroundStation | None, *, flies: bool, mission: Mission | None = None) -> None:
-        """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats."""
-        self._station, self._flies, self._mission = station, flies, mission
-        self._run: RunContext | None = None  # from `begin` on
+    def __init__(self, station: GroundStation | None, *, flies: bool, notes: Sequence[str] = ()) -> None:
+        """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats.
 
-    def open(self, run: RunContext) -> None:
-        # Before the links open: an autopilot would wait meanwhile.
-        if self._mission is not None:
-            for note in (*self._mission.notes, *course_notes(run.bench)):
-                run.say("warning", note)
+        `notes`: what the mission's file holds and the autopilot does not get.
+        """
+        self._station, self._flies, self._notes = station, flies, notes
+        self._run: RunContext | None = None  # from `begin` on
 
     def begin(self, run: RunContext) -> None:
         self._run = run
+        for note in self._notes:
+            run.say("warning", note)
 
     def build(self, run: RunContext) -> None:
         if self._station is not None:
@@ -89,7 +88,7 @@ def make(bench: Bench) -> Part:
             grid_ns=grid_ns(bench),
             needs_estimator=profile.needs_estimator,
         )
-        return MissionPart(_expecting(bench, station), flies=True, mission=bench.mission)
+        return MissionPart(_expecting(bench, station), flies=True, notes=bench.mission.notes)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
         return MissionPart(_expecting(bench, GroundStation((), target_sysid=None, fly=False)), flies=True)

@@ -99,8 +99,8 @@ def test_a_fence_and_rally_points_that_nobody_gets_are_told() -> None:
         "m.plan:5: 1 rally point of the plan not uploaded: nothing keeps to them here",
     )
     said: list[tuple[str, str]] = []
-    run: Any = SimpleNamespace(say=lambda kind, text: said.append((kind, text)), bench=SimpleNamespace(mission=None))
-    MissionPart(None, flies=True, mission=mission).open(run)
+    run = SimpleNamespace(say=lambda kind, text: said.append((kind, text)))
+    MissionPart(None, flies=True, notes=mission.notes).begin(run)  # type: ignore[arg-type]
     assert said == [("warning", note) for note in mission.notes]
     assert load(text + '"rallyPoints": {"points": []}}').notes == mission.notes[:1]
     assert load_mission(MISSIONS / "rectangle.plan", site=SITE).notes == ()

@@ -1,0 +1,20 @@
+"""Warns before a flight of what the vehicle would touch on the straight ways of its mission."""
+
+from __future__ import annotations
+
+from hil.config import Bench
+from hil.config.checks.course_notes import course_notes
+from hil.run.part import Part, RunContext
+
+
+class CoursePart(Part):
+    name = "course"
+
+    def open(self, run: RunContext) -> None:
+        # Before the links open: an autopilot would wait meanwhile.
+        for note in course_notes(run.bench):
+            run.say("warning", note)
+
+
+def make(bench: Bench) -> Part:  # noqa: ARG001
+    return CoursePart()
