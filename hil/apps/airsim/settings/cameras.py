@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-from hil.apps.airsim.settings.reader import Reader
+from hil.apps.airsim.settings.reader import Reader, number
 from signals.samples import Vec3
 from sim.frame.camera_model import MAX_PIXELS_ACROSS
 
@@ -53,24 +54,28 @@ class Capture:
     exposure_ev: float = 0.0
 
 
+def _of_noise(default: float, key: str) -> Any:
+    return number(default, -1e9, 1e9, key)
+
+
 @dataclass(frozen=True)
 class Noise:
     """Noise of one image type, with the names and units of AirSim's post-processing material."""
 
     enabled: bool = False
-    rand_contrib: float = 0.2
-    rand_speed: float = 100_000.0
-    rand_size: float = 500.0
-    rand_density: float = 2.0
-    horz_wave_contrib: float = 0.03
-    horz_wave_strength: float = 0.08
-    horz_wave_vert_size: float = 1.0
-    horz_wave_screen_size: float = 1.0
-    horz_noise_lines_contrib: float = 1.0
-    horz_noise_lines_density_y: float = 0.01
-    horz_noise_lines_density_xy: float = 0.5
-    horz_distortion_contrib: float = 1.0
-    horz_distortion_strength: float = 0.002
+    rand_contrib: float = _of_noise(0.2, "RandContrib")
+    rand_speed: float = _of_noise(100_000.0, "RandSpeed")
+    rand_size: float = _of_noise(500.0, "RandSize")
+    rand_density: float = _of_noise(2.0, "RandDensity")
+    horz_wave_contrib: float = _of_noise(0.03, "HorzWaveContrib")
+    horz_wave_strength: float = _of_noise(0.08, "HorzWaveStrength")
+    horz_wave_vert_size: float = _of_noise(1.0, "HorzWaveVertSize")
+    horz_wave_screen_size: float = _of_noise(1.0, "HorzWaveScreenSize")
+    horz_noise_lines_contrib: float = _of_noise(1.0, "HorzNoiseLinesContrib")
+    horz_noise_lines_density_y: float = _of_noise(0.01, "HorzNoiseLinesDensityY")
+    horz_noise_lines_density_xy: float = _of_noise(0.5, "HorzNoiseLinesDensityXY")
+    horz_distortion_contrib: float = _of_noise(1.0, "HorzDistortionContrib")
+    horz_distortion_strength: float = _of_noise(0.002, "HorzDistortionStrength")
 
 
 @dataclass(frozen=True)
@@ -169,27 +174,7 @@ def _read_capture(reader: Reader) -> Capture:
 
 
 def _read_noise(reader: Reader) -> Noise:
-    default = Noise()
-
-    def number(key: str, value: float) -> float:
-        return reader.number(key, value, -1e9, 1e9)
-
-    noise = Noise(
-        reader.flag("Enabled", False),
-        number("RandContrib", default.rand_contrib),
-        number("RandSpeed", default.rand_speed),
-        number("RandSize", default.rand_size),
-        number("RandDensity", default.rand_density),
-        number("HorzWaveContrib", default.horz_wave_contrib),
-        number("HorzWaveStrength", default.horz_wave_strength),
-        number("HorzWaveVertSize", default.horz_wave_vert_size),
-        number("HorzWaveScreenSize", default.horz_wave_screen_size),
-        number("HorzNoiseLinesContrib", default.horz_noise_lines_contrib),
-        number("HorzNoiseLinesDensityY", default.horz_noise_lines_density_y),
-        number("HorzNoiseLinesDensityXY", default.horz_noise_lines_density_xy),
-        number("HorzDistortionContrib", default.horz_distortion_contrib),
-        number("HorzDistortionStrength", default.horz_distortion_strength),
-    )
+    noise = Noise(reader.flag("Enabled", False), **reader.numbers(Noise))
     reader.without_meaning(*_LENS_EFFECTS)
     reader.close("NoiseSettings")
     return noise

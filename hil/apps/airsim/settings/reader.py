@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from signals.documents.document import Document, Place
@@ -14,6 +14,11 @@ from signals.samples import Vec3
 
 MAX_ENTRIES = 256  # vehicles, cameras of a vehicle, sensors of a vehicle, image types
 _FAR_M = 100_000.0  # positions
+
+
+def number(default: float, low: float, high: float, *keys: str) -> Any:
+    """Declare a dataclass field that `Reader.numbers` reads: the last of the `keys` that is given counts."""
+    return field(default=default, metadata={"keys": keys, "limits": (low, high)})
 
 
 @dataclass
@@ -77,6 +82,15 @@ class Reader:
             return default
         found = self.optional(key, low, high)
         return default if found is None else found
+
+    def numbers(self, of: type) -> dict[str, float]:
+        """Return the values of the fields of a dataclass that are declared by `number`."""
+        values: dict[str, Any] = {}
+        for declared in fields(of):
+            for key in declared.metadata.get("keys", ()):
+                default = values.get(declared.name, declared.default)
+                values[declared.name] = self.number(key, default, *declared.metadata["limits"])
+        return values
 
     def whole(self, key: str, default: int, low: int, high: int) -> int:
         """Return a whole number; 256.0 is one too."""

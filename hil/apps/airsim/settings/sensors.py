@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from hil.apps.airsim.settings.reader import Reader
+from hil.apps.airsim.settings.reader import Reader, number
 from signals.samples import Vec3
 
 _NOT_SIMULATED = {7: "Echo", 8: "GPULidar", 9: "SensorTemplate", 10: "MarlocUwb", 11: "Wifi"}  # Cosys-AirSim's
@@ -16,70 +17,83 @@ _MOST_DEG = 3600.0
 _DRAWING = ("DrawDebugPoints", "DrawSensor", "DrawMode", "ExternalController")
 
 
+def _rate_hz(default: float) -> Any:
+    return number(default, 0.01, 1000.0, "UpdateFrequency")
+
+
+def _latency_s(default: float) -> Any:
+    return number(default, 0.0, 10.0, "UpdateLatency")
+
+
+def _of_gps(default: float, *keys: str) -> Any:
+    return number(default, 0.0, 1e4, *keys)
+
+
 @dataclass(frozen=True)
 class Barometer:
     enabled: bool = True
-    pressure_factor_sigma: float = 0.0365 / 20.0
-    pressure_factor_tau_s: float = 3600.0
-    noise_pa: float = 2.7
-    latency_s: float = 0.0
-    rate_hz: float = 50.0
+    pressure_factor_sigma: float = number(0.0365 / 20.0, 0.0, 1.0, "PressureFactorSigma")
+    pressure_factor_tau_s: float = number(3600.0, 1e-3, 1e9, "PressureFactorTau")
+    noise_pa: float = number(2.7, 0.0, 1e4, "UncorrelatedNoiseSigma")
+    latency_s: float = _latency_s(0.0)
+    rate_hz: float = _rate_hz(50.0)
 
 
 @dataclass(frozen=True)
 class Imu:
     enabled: bool = True
     noisy: bool = True  # Cosys-AirSim adds noise only on request
-    angular_random_walk_deg_per_sqrt_h: float = 0.3
-    gyro_bias_deg_per_h: float = 4.6
-    gyro_bias_tau_s: float = 500.0
-    velocity_random_walk_mg: float = 0.24
-    accel_bias_ug: float = 36.0
-    accel_bias_tau_s: float = 800.0
+    angular_random_walk_deg_per_sqrt_h: float = number(0.3, 0.0, 1e4, "AngularRandomWalk")
+    gyro_bias_deg_per_h: float = number(4.6, 0.0, 1e5, "GyroBiasStability")
+    gyro_bias_tau_s: float = number(500.0, 1e-3, 1e9, "GyroBiasStabilityTau")
+    velocity_random_walk_mg: float = number(0.24, 0.0, 1e4, "VelocityRandomWalk")
+    accel_bias_ug: float = number(36.0, 0.0, 1e6, "AccelBiasStability")
+    accel_bias_tau_s: float = number(800.0, 1e-3, 1e9, "AccelBiasStabilityTau")
 
 
 @dataclass(frozen=True)
 class Gps:
     enabled: bool = True
-    eph_time_constant_s: float = 0.9
-    epv_time_constant_s: float = 0.9
-    eph_initial_m: float = 100.0
-    epv_initial_m: float = 100.0
-    eph_final_m: float = 0.1
-    epv_final_m: float = 0.1
-    eph_min_3d_m: float = 3.0
-    eph_min_2d_m: float = 4.0
-    latency_s: float = 0.2
-    rate_hz: float = 50.0
-    startup_s: float = 1.0
+    # AirSim's documentation writes the first two keys without the underscore, its code reads them with it.
+    eph_time_constant_s: float = _of_gps(0.9, "EphTimeConstant", "EPH_TimeConstant")
+    epv_time_constant_s: float = _of_gps(0.9, "EpvTimeConstant", "EPV_TimeConstant")
+    eph_initial_m: float = _of_gps(100.0, "EphInitial")
+    epv_initial_m: float = _of_gps(100.0, "EpvInitial")
+    eph_final_m: float = _of_gps(0.1, "EphFinal")
+    epv_final_m: float = _of_gps(0.1, "EpvFinal")
+    eph_min_3d_m: float = _of_gps(3.0, "EphMin3d")
+    eph_min_2d_m: float = _of_gps(4.0, "EphMin2d")
+    latency_s: float = _latency_s(0.2)
+    rate_hz: float = _rate_hz(50.0)
+    startup_s: float = _of_gps(1.0, "StartupDelay")
 
 
 @dataclass(frozen=True)
 class Magnetometer:
     enabled: bool = True
-    noise_gauss: float = 0.005
-    bias_gauss: float = 0.0
-    scale_factor: float = 1.0
-    latency_s: float = 0.0
-    rate_hz: float = 50.0
+    noise_gauss: float = number(0.005, 0.0, 100.0, "NoiseSigma")
+    bias_gauss: float = number(0.0, -100.0, 100.0, "NoiseBias")
+    scale_factor: float = number(1.0, -100.0, 100.0, "ScaleFactor")
+    latency_s: float = _latency_s(0.0)
+    rate_hz: float = _rate_hz(50.0)
 
 
 @dataclass(frozen=True)
 class Distance:
     enabled: bool = True
-    min_m: float = 0.2
-    max_m: float = 40.0
+    min_m: float = number(0.2, 0.0, 1e4, "MinDistance")
+    max_m: float = number(40.0, 0.01, 1e4, "MaxDistance")
     position_m: Vec3 = (0.0, 0.0, 0.0)
     rotation_deg: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw
-    noise_m: float = 0.2
-    rate_hz: float = 50.0
+    noise_m: float = number(0.2, 0.0, 100.0, "UncorrelatedNoiseSigma")
+    rate_hz: float = _rate_hz(50.0)
 
 
 @dataclass(frozen=True)
 class Lidar:
     enabled: bool = True
     channels: int = 16
-    range_m: float = 100.0
+    range_m: float = number(100.0, 0.01, 1e4, "Range")
     points_per_second: int = 100_000
     horizontal_fov_deg: tuple[float, float] = (0.0, 359.0)  # start, end
     vertical_fov_deg: tuple[float, float] = (-45.0, -15.0)  # lower, upper, in any order
@@ -87,8 +101,9 @@ class Lidar:
     position_m: Vec3 = (0.0, 0.0, 0.0)
     rotation_deg: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw
     noise_m: float = 0.0
-    rate_hz: float = 10.0
-    noise_scale: float = 1.0  # of the noise at the full range, from 1 at no distance
+    rate_hz: float = _rate_hz(10.0)
+    # Of the noise at the full range, from 1 at no distance.
+    noise_scale: float = number(1.0, 0.0, 100.0, "NoiseDistanceScale")
 
 
 Sensor = Barometer | Imu | Gps | Magnetometer | Distance | Lidar
@@ -138,13 +153,13 @@ def _read_sensor(reader: Reader, multirotor: bool, cosys: bool) -> Sensor | None
         reader.note("External", "is not supported: the sensor stays on the vehicle")
     sensor: Sensor
     if kind == 1:
-        sensor = _read_barometer(reader, enabled)
+        sensor = Barometer(enabled, **reader.numbers(Barometer))
     elif kind == 2:
-        sensor = _read_imu(reader, enabled, not cosys)
+        sensor = Imu(enabled, reader.flag("GenerateNoise", not cosys), **reader.numbers(Imu))
     elif kind == 3:
-        sensor = _read_gps(reader, enabled)
+        sensor = Gps(enabled, **reader.numbers(Gps))
     elif kind == 4:
-        sensor = _read_magnetometer(reader, enabled)
+        sensor = Magnetometer(enabled, **reader.numbers(Magnetometer))
     elif kind == 5:
         sensor = _read_distance(reader, enabled, multirotor)
     else:
@@ -153,97 +168,30 @@ def _read_sensor(reader: Reader, multirotor: bool, cosys: bool) -> Sensor | None
     return sensor
 
 
-def _rate_hz(reader: Reader, default: float) -> float:
-    return reader.number("UpdateFrequency", default, 0.01, 1000.0)
-
-
-def _latency_s(reader: Reader, default: float) -> float:
-    return reader.number("UpdateLatency", default, 0.0, 10.0)
-
-
-def _read_barometer(reader: Reader, enabled: bool) -> Barometer:
-    default = Barometer()
-    return Barometer(
-        enabled,
-        reader.number("PressureFactorSigma", default.pressure_factor_sigma, 0.0, 1.0),
-        reader.number("PressureFactorTau", default.pressure_factor_tau_s, 1e-3, 1e9),
-        reader.number("UncorrelatedNoiseSigma", default.noise_pa, 0.0, 1e4),
-        _latency_s(reader, default.latency_s),
-        _rate_hz(reader, default.rate_hz),
-    )
-
-
-def _read_imu(reader: Reader, enabled: bool, noisy: bool) -> Imu:
-    default = Imu()
-    return Imu(
-        enabled,
-        reader.flag("GenerateNoise", noisy),
-        reader.number("AngularRandomWalk", default.angular_random_walk_deg_per_sqrt_h, 0.0, 1e4),
-        reader.number("GyroBiasStability", default.gyro_bias_deg_per_h, 0.0, 1e5),
-        reader.number("GyroBiasStabilityTau", default.gyro_bias_tau_s, 1e-3, 1e9),
-        reader.number("VelocityRandomWalk", default.velocity_random_walk_mg, 0.0, 1e4),
-        reader.number("AccelBiasStability", default.accel_bias_ug, 0.0, 1e6),
-        reader.number("AccelBiasStabilityTau", default.accel_bias_tau_s, 1e-3, 1e9),
-    )
-
-
-def _read_gps(reader: Reader, enabled: bool) -> Gps:
-    default = Gps()
-
-    def number(key: str, value: float) -> float:
-        return reader.number(key, value, 0.0, 1e4)
-
-    # AirSim's documentation writes the first two keys without the underscore, its code reads them with it.
-    return Gps(
-        enabled,
-        number("EPH_TimeConstant", number("EphTimeConstant", default.eph_time_constant_s)),
-        number("EPV_TimeConstant", number("EpvTimeConstant", default.epv_time_constant_s)),
-        number("EphInitial", default.eph_initial_m),
-        number("EpvInitial", default.epv_initial_m),
-        number("EphFinal", default.eph_final_m),
-        number("EpvFinal", default.epv_final_m),
-        number("EphMin3d", default.eph_min_3d_m),
-        number("EphMin2d", default.eph_min_2d_m),
-        _latency_s(reader, default.latency_s),
-        _rate_hz(reader, default.rate_hz),
-        number("StartupDelay", default.startup_s),
-    )
-
-
-def _read_magnetometer(reader: Reader, enabled: bool) -> Magnetometer:
-    default = Magnetometer()
-    return Magnetometer(
-        enabled,
-        reader.number("NoiseSigma", default.noise_gauss, 0.0, 100.0),
-        reader.number("NoiseBias", default.bias_gauss, -100.0, 100.0),
-        reader.number("ScaleFactor", default.scale_factor, -100.0, 100.0),
-        _latency_s(reader, default.latency_s),
-        _rate_hz(reader, default.rate_hz),
-    )
-
-
 def _position_m(reader: Reader, multirotor: bool) -> Vec3:
     return reader.vector((0.0, 0.0, 0.0 if multirotor else -1.0))
 
 
 def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
-    low = reader.number("MinDistance", 0.2, 0.0, 1e4)
-    high = reader.number("MaxDistance", 40.0, 0.01, 1e4)
+    numbers = reader.numbers(Distance)
+    low, high = numbers["min_m"], numbers["max_m"]
     if low >= high:
         reader.problem(None, f"has MinDistance {low:g}, which is not below MaxDistance {high:g}")
     return Distance(
-        enabled, low, high, _position_m(reader, multirotor), reader.angles_deg((0.0, 0.0, 0.0)),
-        reader.number("UncorrelatedNoiseSigma", 0.2, 0.0, 100.0), _rate_hz(reader, 50.0),
-    )  # fmt: skip
+        enabled,
+        position_m=_position_m(reader, multirotor),
+        rotation_deg=reader.angles_deg((0.0, 0.0, 0.0)),
+        **numbers,
+    )
 
 
 def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) -> Lidar:
     channels = reader.whole("NumberOfChannels", 16, 1, 1024)
     reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)  # checked only: a sample is a whole rotation
-    rate_hz = _rate_hz(reader, 10.0)
+    numbers = reader.numbers(Lidar)
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
     if reader.has("MeasurementsPerCycle"):  # Cosys-AirSim: points of one channel in one rotation
-        points = round(channels * rate_hz * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
+        points = round(channels * numbers["rate_hz"] * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
     lower = reader.optional("VerticalFOVLower", -_MOST_DEG, _MOST_DEG)
     upper = reader.optional("VerticalFOVUpper", -_MOST_DEG, _MOST_DEG)
     vertical = (
@@ -262,17 +210,15 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) ->
     return Lidar(
         enabled,
         channels,
-        reader.number("Range", 100.0, 0.01, 1e4),
-        points,
-        (
+        points_per_second=points,
+        horizontal_fov_deg=(
             reader.number("HorizontalFOVStart", 0.0, -_MOST_DEG, _MOST_DEG),
             reader.number("HorizontalFOVEnd", 359.0, -_MOST_DEG, _MOST_DEG),
         ),
-        vertical,
-        in_sensor_frame,
-        _position_m(reader, multirotor),
-        reader.angles_deg((0.0, 0.0, 0.0)),
-        noise_m if noisy else 0.0,
-        rate_hz,
-        reader.number("NoiseDistanceScale", 1.0, 0.0, 100.0),
+        vertical_fov_deg=vertical,
+        in_sensor_frame=in_sensor_frame,
+        position_m=_position_m(reader, multirotor),
+        rotation_deg=reader.angles_deg((0.0, 0.0, 0.0)),
+        noise_m=noise_m if noisy else 0.0,
+        **numbers,
     )
