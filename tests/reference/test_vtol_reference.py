@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.apps.bench_suite.physics.plane_cases import GUSTY, errors_of
-from hil.apps.bench_suite.physics.vtol_cases import VtolFlight, cases, random_commands
+from hil.apps.bench_suite.physics.vtol_cases import VtolFlight, cases, hover_commands
 from sim.physics.integration import Integration
 from sim.physics.vehicle import load_vehicle
 
@@ -39,7 +39,7 @@ def test_tilts_cross_their_range_at_full_speed() -> None:
 def test_the_torque_of_a_spin_that_turns_is_needed() -> None:
     """Rotors without inertia fly elsewhere: the reference sees dh/dt of the tilts."""
     vehicle = load_vehicle("tiltrotor")
-    flight = VtolFlight(vehicle, random_commands(vehicle, 1.0, 5), wind=GUSTY)
+    flight = VtolFlight(vehicle, hover_commands(vehicle, 1.0, 5), wind=GUSTY)
     flown, winds = flight.fly()
     bare = vehicle.model_copy(
         update={"rotor_constants": vehicle.rotor_constants.model_copy(update={"inertia_kgm2": 0})}
@@ -50,7 +50,7 @@ def test_the_torque_of_a_spin_that_turns_is_needed() -> None:
 
 def test_the_classical_method_sees_the_same_motion() -> None:
     vehicle = load_vehicle("tiltrotor")
-    flight = VtolFlight(vehicle, random_commands(vehicle, 1.0, 6))
+    flight = VtolFlight(vehicle, hover_commands(vehicle, 1.0, 6))
     flown, winds = flight.fly()
     exact = flight.exact(flown[0], winds)
     fine = errors_of(vehicle, flight.fly(Integration("classical", 250_000))[0], exact).position_m

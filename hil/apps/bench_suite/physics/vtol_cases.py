@@ -19,22 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.physics.flight_cases import TICK_S
-from hil.apps.bench_suite.physics.plane_cases import GUSTY, PlaneFlight, errors_of
+from hil.apps.bench_suite.physics.plane_cases import GUSTY, HEIGHT_M, SECONDS, PlaneFlight, measured, random_commands
 from hil.apps.bench_suite.result import Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times
 from sim.physics import multirotor
 from sim.physics.fixed_wing import Airframe
-from sim.physics.integration import Integration
 from sim.physics.vehicle import Vehicle, load_vehicle
 
 Float64 = NDArray[np.float64]
-_HEIGHT_M, _SECONDS = 900.0, 10.0
-_METHODS = {
-    "this project, order 8 @ 4 ms": Integration(step_ns=4_000_000),
-    "this project, order 8 @ 1 ms": Integration(step_ns=1_000_000),
-    "this project, classical RK4 @ 1 ms": Integration("classical", 1_000_000),
-}
-_OWN = next(iter(_METHODS))
 
 
 def two_sets(name: str) -> Vehicle:
@@ -54,19 +46,10 @@ def two_sets(name: str) -> Vehicle:
     return Vehicle.model_validate(data)
 
 
-def random_commands(vehicle: Vehicle, seconds: float, seed: int) -> Float64:
-    """Return commands that jump every 0.03 to 0.5 s, each by itself: rotors about hover, servos over their range."""
-    random = np.random.default_rng(seed)
-    ticks = round(seconds / TICK_S)
+def hover_commands(vehicle: Vehicle, seconds: float, seed: int) -> Float64:
+    """Return random commands, of the rotors about hover."""
     hover = multirotor.hover_control(vehicle)
-    columns = []
-    for command in vehicle.commands:
-        values: list[float] = []
-        while len(values) < ticks:
-            value = random.uniform(-1.0, 1.0) if command.signed else random.uniform(0.7 * hover, 1.3 * hover)
-            values += [value] * int(random.integers(8, 125))
-        columns.append(values[:ticks])
-    return np.array(columns).T
+    return random_commands(vehicle, seconds, seed, rotors=(0.7 * hover, 1.3 * hover))
 
 
 @dataclass(frozen=True)
@@ -82,7 +65,7 @@ class VtolFlight(PlaneFlight):
         most = np.array([c.max_speed_radps for c in vehicle.constants_of_rotors])
         count = len(vehicle.rotors)
         state = np.zeros(13 + len(vehicle.commands))
-        state[2], state[3] = _HEIGHT_M, 1.0
+        state[2], state[3] = HEIGHT_M, 1.0
         if self.ahead:
             airframe = Airframe(vehicle)
             trim = airframe.trim(airframe.cruise_mps)
@@ -101,12 +84,10 @@ def cases(seconds: float) -> dict[str, VtolFlight]:
     """Return the flights by name."""
     tiltrotor, tailsitter, other = load_vehicle("tiltrotor"), load_vehicle("tailsitter"), two_sets("tiltrotor")
     return {
-        "tiltrotor: transition, gusty": VtolFlight(tiltrotor, random_commands(tiltrotor, seconds, 1), wind=GUSTY),
-        "tiltrotor: ahead, gusty": VtolFlight(
-            tiltrotor, random_commands(tiltrotor, seconds, 2), wind=GUSTY, ahead=True
-        ),
-        "tailsitter: hover, gusty": VtolFlight(tailsitter, random_commands(tailsitter, seconds, 3), wind=GUSTY),
-        "two sets of rotors, tilts, gusty": VtolFlight(other, random_commands(other, seconds, 4), wind=GUSTY),
+        "tiltrotor: transition, gusty": VtolFlight(tiltrotor, hover_commands(tiltrotor, seconds, 1), wind=GUSTY),
+        "tiltrotor: ahead, gusty": VtolFlight(tiltrotor, hover_commands(tiltrotor, seconds, 2), wind=GUSTY, ahead=True),
+        "tailsitter: hover, gusty": VtolFlight(tailsitter, hover_commands(tailsitter, seconds, 3), wind=GUSTY),
+        "two sets of rotors, tilts, gusty": VtolFlight(other, hover_commands(other, seconds, 4), wind=GUSTY),
     }
 
 
@@ -114,19 +95,11 @@ def vtol_rows(status: ShowStatus, *, quick: bool) -> tuple[list[Row], list[Check
     """Measure all cases."""
     rows: list[Row] = []
     worst = 0.0
-    for case, flight in cases(2.0 if quick else _SECONDS).items():
+    for case, flight in cases(2.0 if quick else SECONDS).items():
         status(case)
-        first, winds = flight.fly()
-        exact = flight.exact(first[0], winds)
-        runs: dict[str, Any] = {m: partial(flight.fly, step, record=False) for m, step in _METHODS.items()}
-        times = best_times(runs, rounds=1 if quick else 3)
-        for method, step in _METHODS.items():
-            found = errors_of(flight.vehicle, flight.fly(step)[0], exact)
-            per_s = times[method] / (len(flight.commands) * TICK_S)
-            details = {"attitude_error_rad": found.attitude_rad, "deflection_error_rad": found.deflection_rad}
-            rows.append(Row(case, method, found.position_m, "m", per_s, details))
-            if method == _OWN:
-                worst = max(worst, found.position_m)
+        more, error = measured(case, flight, quick=quick)
+        rows += more
+        worst = max(worst, error)
     status("cost of tilts")
     cost = Check(
         "tiltrotor: processor time of a tick over that without tilts", _cost(quick=quick), "<=", 1.5, "x", "speed"
