@@ -22,6 +22,7 @@ from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
+from signals.time import US_PER_S
 
 _ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that only jump
 
@@ -63,7 +64,20 @@ class MissionRunner:
     # -- what flies ---------------------------------------------------------------------------------------------
 
     def _begin(self, item: MissionItem, now_us: int) -> Callable[[int], bool]:
-        """Start `items[index]`. Return a function to call every step until it returns True."""
+        """Start `items[index]`. Return a function to call every step until it returns True.
+
+        Here the items that are the same whatever flies.
+        """
+        if item.command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
+            return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
+        if item.command == Cmd.NAV_RETURN_TO_LAUNCH:
+            self._next_mode = Mode.RTL
+            self.complete = True
+            return lambda _now: self._pass(item)
+        return lambda _now: self._instant(item)
+
+    def _go_on(self) -> None:
+        """Stay, or fly on, while the current item is a wait in the air."""
         raise NotImplementedError
 
     def _stay(self) -> None:
@@ -183,6 +197,30 @@ class MissionRunner:
         self.index = seq + 1
 
     # -- items --------------------------------------------------------------------------------------------------
+
+    def _pass(self, item: MissionItem) -> bool:
+        self._done(item.seq)
+        return True
+
+    def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
+        until = now_us + int(min(seconds, 1e6) * US_PER_S)
+
+        def step(now: int) -> bool:
+            if self._vehicle.landed:
+                self._idle()
+            else:
+                self._go_on()
+            if now < until:
+                return False
+            self._done(seq)
+            return True
+
+        return step
+
+    def _following(self, item: MissionItem) -> MissionItem | None:
+        """Return the next item that is flown; None if there is none, or it has no place."""
+        following = next((i for i in self.items[item.seq + 1 :] if i.command in self.navigation), None)
+        return None if following is None or has_no_position(following) else following
 
     def _point(self, item: MissionItem, otherwise: Point) -> Point:
         """Return local NED of a navigation item, with north and east of `otherwise` if the item has no position."""

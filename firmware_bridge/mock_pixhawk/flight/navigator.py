@@ -21,11 +21,9 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import (
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
-from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG, TURN_RAD
 
 _CORNER_RADIUS_M = 0.5  # a waypoint counts as reached no further away than this plus its acceptance radius
@@ -65,43 +63,23 @@ class Navigator(MissionRunner):
     def _idle(self) -> None:
         self._guidance.idle()
 
+    def _go_on(self) -> None:
+        self._guidance.follow()
+
     def _forget(self) -> None:
         self._path_items, self._action = [], None
 
     # -- items --------------------------------------------------------------------------------------------------
 
     def _begin(self, item: MissionItem, now_us: int) -> Callable[[int], bool]:
-        """Start `items[index]`. Return a function to call every step until it returns True."""
         command = item.command
         if command in NAVIGATION and command != Cmd.NAV_LAND and self._vehicle.landed:
             return self._begin_climb(item)
         if command in NAVIGATION:
             return self._begin_run()
-        if command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
-            return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
         if command == Cmd.CONDITION_YAW:
             return self._begin_yaw(item)
-        if command == Cmd.NAV_RETURN_TO_LAUNCH:
-            self._next_mode = Mode.RTL
-            self.complete = True
-            self._done(item.seq)
-            return lambda _now: True
-        return lambda _now: self._instant(item)
-
-    def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
-        until = now_us + int(min(seconds, 1e6) * US_PER_S)
-
-        def step(now: int) -> bool:
-            if self._vehicle.landed:
-                self._guidance.idle()
-            else:
-                self._guidance.follow()
-            if now >= until:
-                self._done(seq)
-                return True
-            return False
-
-        return step
+        return super()._begin(item, now_us)
 
     def _begin_yaw(self, item: MissionItem) -> Callable[[int], bool]:
         guidance = self._guidance

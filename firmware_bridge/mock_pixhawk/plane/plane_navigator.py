@@ -21,7 +21,6 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_NAVIGATION, h
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.plane.landing import PlaneLanding
 from firmware_bridge.mock_pixhawk.plane.path import Circle, Line, line_between
@@ -70,6 +69,9 @@ class PlaneNavigator(MissionRunner):
     def _idle(self) -> None:
         self._pilot.idle()
 
+    def _go_on(self) -> None:
+        self._pilot.fly(d_m=self._d)
+
     def infeasible(self) -> str | None:
         why = super().infeasible()
         if why is not None or not self._vehicle.landed:
@@ -108,20 +110,9 @@ class PlaneNavigator(MissionRunner):
             return self._begin_loiter(item)
         if command == Cmd.NAV_LAND:
             return self._begin_landing(item)
-        if command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
-            return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
-        if command == Cmd.NAV_RETURN_TO_LAUNCH:
-            self._next_mode = Mode.RTL
-            self.complete = True
-            self._done(item.seq)
-            return lambda _now: True
         if command == Cmd.DO_LAND_START:  # a mark, for `go_to_landing`
             return lambda _now: self._pass(item)
-        return lambda _now: self._instant(item)  # CONDITION_YAW among them: a plane flies where its nose points
-
-    def _pass(self, item: MissionItem) -> bool:
-        self._done(item.seq)
-        return True
+        return super()._begin(item, now_us)  # CONDITION_YAW is ignored: a plane flies where its nose points
 
     # -- items --------------------------------------------------------------------------------------------------
 
@@ -241,8 +232,8 @@ class PlaneNavigator(MissionRunner):
 
     def _points_ahead(self, item: MissionItem) -> bool:
         """Return True if the course leads to the next item with a place, or there is none."""
-        following = next((i for i in self.items[item.seq + 1 :] if i.command in self.navigation), None)
-        if following is None or has_no_position(following):
+        following = self._following(item)
+        if following is None:
             return True
         n, e, d = self._pilot.here()
         to = self._point(following, (n, e, d))
@@ -284,21 +275,6 @@ class PlaneNavigator(MissionRunner):
                 return False
             self._done(item.seq)
             return vehicle.landed
-
-        return step
-
-    def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
-        until = now_us + int(min(seconds, 1e6) * US_PER_S)
-
-        def step(now: int) -> bool:
-            if self._vehicle.landed:
-                self._pilot.idle()
-            else:
-                self._pilot.fly(d_m=self._d)
-            if now < until:
-                return False
-            self._done(seq)
-            return True
 
         return step
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_bridge.mock_pixhawk import elementary as el
-from firmware_bridge.mock_pixhawk.flight.mission_item import VTOL_NAVIGATION, has_no_position
+from firmware_bridge.mock_pixhawk.flight.mission_item import VTOL_NAVIGATION
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
@@ -130,10 +130,6 @@ class VtolNavigator(MissionRunner):
 
         return step
 
-    def _pass(self, item: MissionItem) -> bool:
-        self._done(item.seq)
-        return True
-
     def _begin_transition(self, item: MissionItem, *, to_wings: bool) -> Callable[[int], bool]:
         pilot, guidance = self._pilot, self._pilot.guidance
         bearing = self._bearing_after(item)
@@ -159,8 +155,8 @@ class VtolNavigator(MissionRunner):
 
     def _bearing_after(self, item: MissionItem) -> float | None:
         """Return the direction to the next item with a place."""
-        following = next((i for i in self.items[item.seq + 1 :] if i.command in self.navigation), None)
-        if following is None or has_no_position(following):
+        following = self._following(item)
+        if following is None:
             return None
         n, e, d = self._pilot.here()
         to = self._point(following, (n, e, d))
