@@ -31,7 +31,7 @@ from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
 from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.physics.vehicle import Vehicle
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE
@@ -69,7 +69,7 @@ class Ports:
         self,
         bench: Bench,
         names: Sequence[str],
-        frames: FrameSource | None = None,
+        frames: SharedFrames | None = None,
         *,
         wind_at: Callable[[], Vec3] | None = None,
     ) -> None:

@@ -60,7 +60,7 @@ from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
 from signals.detections import Detections
 from signals.samples import TruthState
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.physics.vehicle_physics import VehiclePhysics
 
 
@@ -92,7 +92,7 @@ class RunContext:
         parts: Sequence[Part],
         *,
         quiet: bool = True,
-        frames: Callable[[], FrameSource] | None = None,
+        frames: Callable[[], SharedFrames] | None = None,
     ) -> None:
         """`frames` makes the geometry for cameras, LiDARs and radars; None: that of the scene alone."""
         self.bench = bench

@@ -41,59 +41,8 @@ class ExposingRenderer(Protocol):
         ...
 
 
-class FrameSource(Protocol):
-    """Geometry for all frame sensors of a run."""
-
-    @property
-    def geometry(self) -> Any:
-        """FrameGeometry, for sensors that cast rays."""
-        ...
-
-    @property
-    def posed(self) -> int:
-        """Number of actor poses so far."""
-        ...
-
-    @property
-    def unposed(self) -> int:
-        """Number of actor poses skipped because no sensor could see the actor."""
-        ...
-
-    @property
-    def classes(self) -> Classes:
-        """Names and colours of the class ids."""
-        ...
-
-    def expect(self, t_ns: int) -> None:
-        """Set the time to `t_ns`; each sensor then poses the actors that it may see."""
-        ...
-
-    def renderer(
-        self,
-        camera: CameraModel,
-        *,
-        shadows: bool,
-        supersample: int,
-        near_m: float,
-        far_m: float,
-        shading: Shading = PLAIN,
-        colour: str = "native",
-        samples: int | None = None,
-    ) -> Renderer:
-        """Return a renderer for one camera.
-
-        `colour`: the backend of its rgb (sim.frame.mujoco_backend, sim.frame.path_traced.renderer). `samples`: paths
-        per pixel of `path_traced`.
-        """
-        ...
-
-    def close(self) -> None:
-        """Release the resources of all renderers. Call once, after the last picture."""
-        ...
-
-
 class SharedFrames:
-    """`FrameSource` of a run.
+    """Geometry for all frame sensors of a run.
 
     The world of a run of several vehicles holds them all as actors (sim/physics/vehicle_bodies.py). `place` gives their
     states, and the sensors of each vehicle have the source `seen_by` it, which does not show the vehicle itself.
@@ -153,7 +102,7 @@ class SharedFrames:
         return count
 
     def expect(self, t_ns: int) -> None:
-        """Set the time to `t_ns`."""
+        """Set the time to `t_ns`; each sensor then poses the actors that it may see."""
         self.geometry.expect(t_ns)
 
     def renderer(
@@ -168,7 +117,11 @@ class SharedFrames:
         colour: str = "native",
         samples: int | None = None,
     ) -> Renderer:
-        """Return a renderer for one camera. Raises ColourBackendError if the backend of its colour is missing."""
+        """Return a renderer for one camera. Raises ColourBackendError if the backend of its colour is missing.
+
+        `colour`: the backend of its rgb (sim.frame.mujoco_backend, sim.frame.path_traced.renderer). `samples`: paths
+        per pixel of `path_traced`.
+        """
         from sim.frame.renderer import Execution, FrameRenderer
 
         # Beside another backend the raster draws no colour, and needs nothing that belongs to colour.
@@ -201,6 +154,6 @@ class SharedFrames:
         return mixed
 
     def close(self) -> None:
-        """Release the graphics contexts and the path tracer's process."""
+        """Release the graphics contexts and the path tracer's process. Call once, after the last picture."""
         while self._to_close:
             self._to_close.pop()()

@@ -28,7 +28,7 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
-from sim.frame.source import FrameSource, Renderer, channel_array
+from sim.frame.source import Renderer, SharedFrames, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.coupling import couple
 from sim.radar.element_synthesis import ChannelsReport, ElementSynthesizer
@@ -208,7 +208,7 @@ class Radar(InstalledSensor):
         # R has the axes of B if the camera looks forward: x_R = z_C, y_R = -x_C, z_R = -y_C.
         self.mount = Mount(self.view.mount_m, self.view.mount_rpy_deg, optical=False)
         self._optical = Mount(self.view.mount_m, self.view.mount_rpy_deg)
-        self._frames: FrameSource = frames
+        self._frames: SharedFrames = frames
         self._renderer: Renderer | None = None
         self._own: dict[str, NDArray[Any]] = {}
         self._radar = RadarFrames(

@@ -17,7 +17,7 @@ from signals.documents.validate import StrictModel
 from signals.samples import FRAME_SAMPLES, PointCloudSample, Sample, TruthState, Vec3
 from signals.time import NS_PER_S, period_ns_from_hz
 from sim.frame.shared_picture import SharedPicture
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
@@ -36,7 +36,7 @@ class Installation:
     seed: int
     scene: Scene
     step_ns: int  # the physics tick
-    frames: FrameSource | None = None  # the world's geometry, for cameras, LiDARs and radars
+    frames: SharedFrames | None = None  # the world's geometry, for cameras, LiDARs and radars
     shared: SharedPicture | None = None  # of a camera whose pictures other sensors read, and of those sensors
     shaken_by: Vehicle | None = None  # whose rotors make an IMU vibrate; None: nothing vibrates
     wind_at: Callable[[], Vec3] | None = (
@@ -48,7 +48,7 @@ class Installation:
         """Nominal time between two samples. Raises ValueError for a rate that is not above 0."""
         return period_ns_from_hz(self.rate_hz)
 
-    def geometry_for(self, what: str) -> FrameSource:
+    def geometry_for(self, what: str) -> SharedFrames:
         """Return `frames`, without which `what` cannot be made. Raises ValueError."""
         if self.frames is None:
             raise ValueError(f"sensor '{self.name}': {what} needs the world's geometry (frames)")

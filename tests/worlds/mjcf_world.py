@@ -1,4 +1,4 @@
-"""A world for tests of rays and LiDARs: any MJCF as native geometry, and a `FrameSource` over it."""
+"""A world for tests of rays and LiDARs: any MJCF as native geometry, and frames over it."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class GeometryOf:
 
 @dataclass
 class ModelFrames:
-    """A `FrameSource` over a model. Mover m is mocap body m and moves at `speed_mps[m]` from its place in the model."""
+    """A stand-in for `SharedFrames` over a model. Mover m is mocap body m, at `speed_mps[m]` from its place."""
 
     model: mujoco.MjModel
     data: mujoco.MjData

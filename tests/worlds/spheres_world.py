@@ -26,7 +26,7 @@ SKY = np.array([120, 170, 230], np.uint8)
 
 
 class FormulaFrames:
-    """A `FrameSource`. `expected` lists every moment asked for, `drawn` every call of a renderer: (channels, rows)."""
+    """Frames of spheres. `expected` lists moments asked for, `drawn` the calls of a renderer: (channels, rows)."""
 
     classes = Classes(("none", "ground", "ball"), ((0, 0, 0), (90, 140, 60), (200, 40, 40)))
 

@@ -28,7 +28,7 @@ from signals.errors import ConfigError, Problem, RecordingError
 from signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
-from sim.frame.source import FrameSource, SharedFrames, channel_array
+from sim.frame.source import SharedFrames, channel_array
 from sim.scene.scene import Scene
 from sim.scene.view_point import ViewPoint
 from sim.sensors.catalog import make_sensor
@@ -63,7 +63,7 @@ def view_scene(
     seed: int | None = None,
     variants: int = 0,
     settings: Sequence[str] = (),
-    load: Callable[[str, int | None], tuple[Scene, Any, FrameSource]] | None = None,
+    load: Callable[[str, int | None], tuple[Scene, Any, SharedFrames]] | None = None,
 ) -> list[Path]:
     """Render the scene into `out` (default runs/view-SCENE) and return the files, the contact sheet first.
 
@@ -94,7 +94,7 @@ def view_scene(
 
 def load_frames(
     name: str, seed: int | None, *, appearance: ViewAppearance | None = None
-) -> tuple[Scene, Any, FrameSource]:
+) -> tuple[Scene, Any, SharedFrames]:
     """Load a scene by name or path, with an appearance, and return it with its World and its geometry.
 
     `seed` replaces the seed of a generated map. Raises ConfigError.
@@ -114,7 +114,7 @@ def load_frames(
 
 
 def _points(
-    scene: Scene, world: Any, frames: FrameSource, at: Sequence[float] | None, look: Sequence[float] | None
+    scene: Scene, world: Any, frames: SharedFrames, at: Sequence[float] | None, look: Sequence[float] | None
 ) -> Sequence[ViewPoint]:
     """Return the view point given by the options, else those of the scene's file, else the default ones."""
     if at is None and look is None:
@@ -136,7 +136,7 @@ def _points(
 def _write_pictures(
     folder: Path,
     scene: Scene,
-    frames: FrameSource,
+    frames: SharedFrames,
     points: Sequence[ViewPoint],
     camera: CameraModel,
     rendering: Mapping[str, Any],
@@ -202,7 +202,7 @@ def _single_pictures(folder: Path, name: str, pictures: Pictures, classes: Class
     return files
 
 
-def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSample:
+def _sweep(scene: Scene, frames: SharedFrames, point: ViewPoint) -> PointCloudSample:
     """Take one sweep of a level LiDAR at a view point."""
     lidar = make_sensor(
         Installation("lidar", rate_hz=10.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames), preset=_LIDAR
@@ -213,7 +213,7 @@ def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSam
     return sample
 
 
-def _revolution(scene: Scene, frames: FrameSource, point: ViewPoint) -> Any:
+def _revolution(scene: Scene, frames: SharedFrames, point: ViewPoint) -> Any:
     """Draw one revolution of a level spinning radar at a view point."""
     from hil.run.report import radar_pictures
 
@@ -228,7 +228,7 @@ def _revolution(scene: Scene, frames: FrameSource, point: ViewPoint) -> Any:
     return radar_pictures.revolution_figure(_title(scene, level), radar.polar, radar.beam, sample.points_L)
 
 
-def _radar_frame(scene: Scene, frames: FrameSource, point: ViewPoint) -> tuple[Radar, RadarSample]:
+def _radar_frame(scene: Scene, frames: SharedFrames, point: ViewPoint) -> tuple[Radar, RadarSample]:
     """Take one frame of a radar that faces along the view, without clutter removal."""
     radar = make_sensor(
         Installation("radar", rate_hz=10.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames),

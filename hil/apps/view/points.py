@@ -17,7 +17,7 @@ import numpy as np
 from signals.samples import TruthState, Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.mount import Mount
-from sim.frame.source import FrameSource, channel_array
+from sim.frame.source import SharedFrames, channel_array
 from sim.scene.view_point import ViewPoint
 
 _SEARCH_PX = (40, 30)
@@ -77,7 +77,7 @@ def pose_of(point: ViewPoint) -> TruthState:
     return TruthState(0, 0, point.at_m, q, zero, zero, zero, zero, (0.0,) * 4, False)
 
 
-def default_points(frames: FrameSource, extent: Extent) -> tuple[ViewPoint, ...]:
+def default_points(frames: SharedFrames, extent: Extent) -> tuple[ViewPoint, ...]:
     """Return the four default view points: air, eye, corner and above."""
     x, y, _ = extent.middle
     half = 0.5 * extent.width_m
@@ -90,7 +90,7 @@ def default_points(frames: FrameSource, extent: Extent) -> tuple[ViewPoint, ...]
     )
 
 
-def _best_point(name: str, frames: FrameSource, extent: Extent, *, height_m: float, pitch_deg: float) -> ViewPoint:
+def _best_point(name: str, frames: SharedFrames, extent: Extent, *, height_m: float, pitch_deg: float) -> ViewPoint:
     camera = CameraModel.from_fov(*_SEARCH_PX, _FOV_DEG)
     renderer = frames.renderer(camera, shadows=False, supersample=1, near_m=0.05, far_m=1000.0)
     out = {channel: channel_array(channel, camera) for channel in ("range", "instance", "segmentation")}

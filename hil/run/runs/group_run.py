@@ -32,7 +32,7 @@ from hil.run.verdict.verdict import Row
 from signals.errors import RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
-from sim.frame.source import FrameSource, SharedFrames
+from sim.frame.source import SharedFrames
 from sim.physics.vehicle_group import VehicleContact
 
 
@@ -117,7 +117,7 @@ class GroupRun:
             self._results[name] = self._runs[name].mark_unfinished()
         self._file.begin(self._summary(None))
 
-    def _frames_of(self, name: str) -> FrameSource:
+    def _frames_of(self, name: str) -> SharedFrames:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
         if self._frames is None:
             self._frames = SharedFrames(self._bench.world)

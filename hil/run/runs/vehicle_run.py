@@ -27,7 +27,7 @@ from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
 from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 
 _NO_DIGEST = "0" * 32
 
@@ -36,7 +36,7 @@ class Shared(NamedTuple):
     """Files and geometry that the vehicles of a run with several share."""
 
     mcap: VehicleTopics | bool  # this vehicle's part of the recording; False: there is none
-    frames: Callable[[], FrameSource]  # makes the geometry for this vehicle's cameras, LiDARs and radars
+    frames: Callable[[], SharedFrames]  # makes the geometry for this vehicle's cameras, LiDARs and radars
     scene: str | None  # path of the copied scene from the vehicle's folder; None: the bench has no scene file
 
 

@@ -16,7 +16,7 @@ from hil.run.recorder.frame_description import FrameDescription, Projection, Swe
 from signals.samples import ActuatorFrame, TruthState
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.camera_model import CameraModel
-from sim.frame.source import FrameSource, SharedFrames
+from sim.frame.source import SharedFrames
 from sim.radar.chirp import Chirp
 from sim.sensors.catalog import KINDS
 
@@ -122,7 +122,7 @@ def description(name: str, sensor: Any) -> FrameDescription:
     return FrameDescription(f"{name}_optical", p_BC, q_BC, projection)
 
 
-def make_frames(bench: Bench) -> FrameSource:
+def make_frames(bench: Bench) -> SharedFrames:
     """Return the geometry for cameras, LiDARs and radars. Raises ConfigError if the scene's map is invalid."""
     from sim.world_loader import load_world  # loaded only for benches that need a map
 

@@ -17,7 +17,7 @@ from hil.run.sensors.frame_stages import description, wanted_parts
 from hil.run.sensors.simulated_sensors import SimulatedSensors, tick_rates, write_calibration
 from signals.samples import Vec3
 from signals.time import RateAccumulator
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
 from sim.sensors.gps import Gps
@@ -33,7 +33,7 @@ class SensorSlots:
         bench: Bench,
         wanted: Mapping[str, SensorConfig],
         plan: StagePlan,
-        frames: FrameSource | None,
+        frames: SharedFrames | None,
         recorder: Recorder,
         out: Path,
         wind_at: Callable[[], Vec3] | None = None,

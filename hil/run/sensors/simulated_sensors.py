@@ -21,7 +21,7 @@ from signals.samples import Quat, Vec3
 from signals.time import is_due
 from sim.frame.calibration_text import camera_info_yaml, euroc_yaml, opencv_yaml
 from sim.frame.camera_model import CameraModel
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.sensors.catalog import make_sensor
 from sim.sensors.radar import Radar
 from sim.sensors.sensor import Installation
@@ -36,7 +36,7 @@ class SimulatedSensors:
         self,
         bench: Bench,
         names: Collection[str],
-        frames: FrameSource | None,
+        frames: SharedFrames | None,
         *,
         wind_at: Callable[[], Vec3] | None = None,
     ) -> None:

@@ -32,7 +32,7 @@ from signals.detections import Detections, FoundObject
 from signals.errors import RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.scene.world import World
 
 PEOPLE_NAME, PICTURE_NAME = "people.json", "search.png"
@@ -105,7 +105,7 @@ class SearchMeasurement:
         if detections.objects is not None:
             self._objects[client] = detections.objects
 
-    def conclude(self, frames: FrameSource, world: World) -> None:
+    def conclude(self, frames: SharedFrames, world: World) -> None:
         """Render the pictures of the flight and compare; this takes seconds."""
         people = TruePeople(world, self._search.label)
         pixels = visible_px(frames, self._camera, people.people, self._sampled_states)

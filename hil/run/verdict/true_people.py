@@ -21,7 +21,7 @@ from signals.channels import CHANNELS
 from signals.samples import TruthState
 from sim.frame.mount import Mount
 from sim.frame.shading import MEAN_COLOURS
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.scene.world import World
 
 
@@ -70,7 +70,7 @@ class TruePeople:
 
 
 def visible_px(
-    frames: FrameSource, camera: SensorConfig, people: Sequence[TruePerson], truths: Sequence[TruthState]
+    frames: SharedFrames, camera: SensorConfig, people: Sequence[TruePerson], truths: Sequence[TruthState]
 ) -> NDArray[np.int64]:
     """Return the pixel counts of each person in the camera's picture at each truth state, (truths, people)."""
     view: Any = view_of(camera)

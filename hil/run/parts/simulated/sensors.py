@@ -13,7 +13,7 @@ from hil.run.report.page import Report
 from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, uses_other_renderer
 from hil.run.sensors.sensor_slots import SensorSlots
 from signals.classes import Classes
-from sim.frame.source import FrameSource
+from sim.frame.source import SharedFrames
 from sim.sensors.radar import Radar
 
 
@@ -23,19 +23,19 @@ class SensorsPart(Part):
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
         self._run: RunContext | None = None
-        self._frames: FrameSource | None = None
-        self._scene: FrameSource | None = None
+        self._frames: SharedFrames | None = None
+        self._scene: SharedFrames | None = None
         self._slots: SensorSlots | None = None
         self._skipped: tuple[Skipped, ...] = ()
         self._repeatable = True
 
-    def _geometry(self, run: RunContext) -> FrameSource:
+    def _geometry(self, run: RunContext) -> SharedFrames:
         """Return the geometry that cameras, LiDARs and radars see, made at the first call."""
         if self._frames is None:
             self._frames = run.make_frames()
         return self._frames
 
-    def scene(self, run: RunContext) -> FrameSource:
+    def scene(self, run: RunContext) -> SharedFrames:
         """Return the geometry without the other vehicles, whose places are known for the last second only."""
         if not run.bench.config.name:
             return self._geometry(run)
