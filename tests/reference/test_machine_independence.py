@@ -67,7 +67,7 @@ MOVES = """
 import hashlib
 from hil.apps.airsim.flight.path import PathOptions, TakeOff, move_on_path
 from hil.apps.airsim.flight.spot import Land, RotateToYaw
-from hil.apps.airsim.flight.timed import move_by_roll_pitch_yaw_z, move_by_velocity_body_frame
+from hil.apps.airsim.flight.timed import move_by_attitude, move_by_velocity
 from hil.apps.airsim.flight.yaw import YawMode
 from sim.physics.disturbances import Disturbances
 from sim.physics.vehicle_physics import VehiclePhysics
@@ -84,8 +84,8 @@ for name in ("iris", "y6"):
         TakeOff(20.0),
         move_on_path([(3.0, 0.0, -4.0), (3.0, 4.0, -4.0)], PathOptions(3.0, 3e38, 1, YawMode(False, 10.0))),
         RotateToYaw(20.0, 10.0, 5.0),
-        move_by_velocity_body_frame((2.0, 1.0, 1.0), 1.0, 1, YawMode(False, 45.0)),
-        move_by_roll_pitch_yaw_z((0.1, 0.05), 0.3, -1.0, 1.5),
+        move_by_velocity((2.0, 1.0, 1.0), 1.0, 1, YawMode(False, 45.0), body=True),
+        move_by_attitude(1.5, roll=0.1, pitch=0.05, yaw=0.3, z=-1.0),
         Land(20.0),
     ):
         digest.update(repr(pilot.do(move)).encode())

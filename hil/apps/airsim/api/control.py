@@ -136,12 +136,12 @@ def methods(simulation: Simulation) -> list[Method]:
         ),
         move(
             sim, "moveByVelocityBodyFrame",
-            lambda x, y, z, *rest: timed.move_by_velocity_body_frame((x, y, z), *rest),
+            lambda x, y, z, *rest: timed.move_by_velocity((x, y, z), *rest, body=True),
             *numbers("vx", "vy", "vz"), DURATION, DRIVETRAIN, YAW,
         ),
         move(
             sim, "moveByVelocityZBodyFrame",
-            lambda x, y, *rest: timed.move_by_velocity_z_body_frame((x, y), *rest),
+            lambda x, y, *rest: timed.move_by_velocity_z((x, y), *rest, body=True),
             *numbers("vx", "vy", "z"), DURATION, DRIVETRAIN, YAW,
         ),
         move(sim, "moveOnPath", path, Parameter("path", list_of(VECTOR, most=_MOST_POINTS)), *follow),

@@ -46,50 +46,34 @@ def always(command: Command) -> Callable[[NedState], Command]:
     return lambda _state: command
 
 
-def move_by_velocity(velocity_mps: Vec3, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
-    """Fly at a velocity in NED."""
-    vx, vy, vz = velocity_mps
-    finite(vx=vx, vy=vy, vz=vz)
-    check_heading(yaw_mode, drivetrain)
-    heading = heading_of(yaw_mode, drivetrain, (vx, vy))
-    return Timed(duration_s, always(Command(v_xy_mps=(vx, vy), vz_mps=vz, **heading._asdict())))
-
-
-def move_by_velocity_z(velocity_mps: Xy, z_m: float, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
-    """Fly at a horizontal velocity in NED and a height."""
-    vx, vy = velocity_mps
-    finite(vx=vx, vy=vy, z=z_m)
-    check_heading(yaw_mode, drivetrain)
-    heading = heading_of(yaw_mode, drivetrain, (vx, vy))
-    return Timed(duration_s, always(Command(v_xy_mps=(vx, vy), z_m=z_m, **heading._asdict())), empty=False)
-
-
-def move_by_velocity_body_frame(velocity_mps: Vec3, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
-    """Fly at a velocity along the heading at the start of the move; z is down."""
-    vx, vy, vz = velocity_mps
-    finite(vx=vx, vy=vy, vz=vz)
-    check_heading(yaw_mode, drivetrain)
-
-    def begin(state: NedState) -> Command:
-        course = _from_heading((vx, vy), state.yaw_rad)
-        return Command(v_xy_mps=course, vz_mps=vz, **heading_of(yaw_mode, drivetrain, course)._asdict())
-
-    return Timed(duration_s, begin)
-
-
-def move_by_velocity_z_body_frame(
-    velocity_mps: Xy, z_m: float, duration_s: float, drivetrain: int, yaw_mode: YawMode
+def move_by_velocity(
+    velocity_mps: Vec3, duration_s: float, drivetrain: int, yaw_mode: YawMode, *, body: bool = False
 ) -> Timed:
-    """Fly at a horizontal velocity along the heading at the start of the move, and a height."""
+    """Fly at a velocity in NED; `body`: along the heading at the start of the move, z is down."""
+    vx, vy, vz = velocity_mps
+    finite(vx=vx, vy=vy, vz=vz)
+    check_heading(yaw_mode, drivetrain)
+    return Timed(duration_s, _at_velocity((vx, vy), Command(vz_mps=vz), drivetrain, yaw_mode, body=body))
+
+
+def move_by_velocity_z(
+    velocity_mps: Xy, z_m: float, duration_s: float, drivetrain: int, yaw_mode: YawMode, *, body: bool = False
+) -> Timed:
+    """Fly at a horizontal velocity in NED, or along the heading at the start of the move, and a height."""
     vx, vy = velocity_mps
     finite(vx=vx, vy=vy, z=z_m)
     check_heading(yaw_mode, drivetrain)
+    return Timed(duration_s, _at_velocity((vx, vy), Command(z_m=z_m), drivetrain, yaw_mode, body=body), empty=body)
 
+
+def _at_velocity(
+    v_mps: Xy, vertical: Command, drivetrain: int, yaw_mode: YawMode, *, body: bool
+) -> Callable[[NedState], Command]:
     def begin(state: NedState) -> Command:
-        course = _from_heading((vx, vy), state.yaw_rad)
-        return Command(v_xy_mps=course, z_m=z_m, **heading_of(yaw_mode, drivetrain, course)._asdict())
+        course = _from_heading(v_mps, state.yaw_rad) if body else v_mps
+        return vertical._replace(v_xy_mps=course, **heading_of(yaw_mode, drivetrain, course)._asdict())
 
-    return Timed(duration_s, begin)
+    return begin
 
 
 def _from_heading(v_mps: Xy, yaw_rad: float) -> Xy:
@@ -104,45 +88,21 @@ def move_by_motor_pwms(pwms: tuple[float, float, float, float], duration_s: floa
     return Timed(duration_s, always(Command(pwms=pwms)))
 
 
-def move_by_roll_pitch_yaw_z(roll_pitch_rad: Xy, yaw_rad: float, z_m: float, duration_s: float) -> Timed:
-    """Hold roll, pitch, heading [rad, FRD and NED] and a height."""
-    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw=yaw_rad, z=z_m)
-    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rad=yaw_rad, z_m=z_m)))
+def move_by_attitude(duration_s: float, **held: float) -> Timed:
+    """Hold angles or turn at rates about the body's axes, with a height or a throttle.
 
-
-def move_by_roll_pitch_yaw_throttle(roll_pitch_rad: Xy, yaw_rad: float, throttle: float, duration_s: float) -> Timed:
-    """Hold roll, pitch, heading [rad, FRD and NED] and a throttle."""
-    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw=yaw_rad, throttle=throttle)
-    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rad=yaw_rad, throttle=throttle)))
-
-
-def move_by_roll_pitch_yawrate_z(roll_pitch_rad: Xy, yaw_rate_radps: float, z_m: float, duration_s: float) -> Timed:
-    """Hold roll and pitch [rad, FRD], a yaw rate [rad/s] and a height."""
-    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw_rate=yaw_rate_radps, z=z_m)
-    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rate_radps=yaw_rate_radps, z_m=z_m)))
-
-
-def move_by_roll_pitch_yawrate_throttle(
-    roll_pitch_rad: Xy, yaw_rate_radps: float, throttle: float, duration_s: float
-) -> Timed:
-    """Hold roll and pitch [rad, FRD], a yaw rate [rad/s] and a throttle."""
-    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw_rate=yaw_rate_radps, throttle=throttle)
-    command = Command(roll_pitch_rad=roll_pitch_rad, yaw_rate_radps=yaw_rate_radps, throttle=throttle)
+    `held`: roll and pitch, or roll_rate and pitch_rate; yaw or yaw_rate [rad, rad/s, FRD and NED]; z [m] or throttle.
+    """
+    finite(**held)
+    command = Command(
+        roll_pitch_rad=(held["roll"], held["pitch"]) if "roll" in held else None,
+        roll_pitch_rate_radps=(held["roll_rate"], held["pitch_rate"]) if "roll_rate" in held else None,
+        z_m=held.get("z"),
+        throttle=held.get("throttle"),
+        yaw_rad=held.get("yaw"),
+        yaw_rate_radps=held.get("yaw_rate"),
+    )
     return Timed(duration_s, always(command))
-
-
-def move_by_angle_rates_z(rates_radps: Vec3, z_m: float, duration_s: float) -> Timed:
-    """Turn about the body's axes [rad/s, FRD] and hold a height."""
-    wx, wy, wz = rates_radps
-    finite(roll_rate=wx, pitch_rate=wy, yaw_rate=wz, z=z_m)
-    return Timed(duration_s, always(Command(roll_pitch_rate_radps=(wx, wy), yaw_rate_radps=wz, z_m=z_m)))
-
-
-def move_by_angle_rates_throttle(rates_radps: Vec3, throttle: float, duration_s: float) -> Timed:
-    """Turn about the body's axes [rad/s, FRD] with a throttle."""
-    wx, wy, wz = rates_radps
-    finite(roll_rate=wx, pitch_rate=wy, yaw_rate=wz, throttle=throttle)
-    return Timed(duration_s, always(Command(roll_pitch_rate_radps=(wx, wy), yaw_rate_radps=wz, throttle=throttle)))
 
 
 def rotate_by_yaw_rate(yaw_rate_degps: float, duration_s: float) -> Timed:

@@ -15,8 +15,8 @@ from hil.apps.airsim.flight.path import PathOptions, TakeOff, go_home, move_on_p
 from hil.apps.airsim.flight.remote import Manual, RcData, Receiver
 from hil.apps.airsim.flight.spot import Hover, Land, RotateToYaw
 from hil.apps.airsim.flight.timed import (
+    move_by_attitude,
     move_by_motor_pwms,
-    move_by_roll_pitch_yaw_z,
     move_by_velocity,
     rotate_by_yaw_rate,
 )
@@ -242,7 +242,7 @@ def test_numbers_of_any_size_are_flown_without_a_failure(seed: int) -> None:
     for _ in range(15):
         for make in (
             lambda: move_by_velocity(some(3), 0.2, draw.choice((0, 1)), mode()),
-            lambda: move_by_roll_pitch_yaw_z(some(2), *some(2), 0.2),
+            lambda: move_by_attitude(0.2, **dict(zip(("roll", "pitch", "yaw", "z"), some(4), strict=True))),
             lambda: rotate_by_yaw_rate(*some(1), 0.2),
             lambda: RotateToYaw(*some(1), 0.2, *some(1)),
             lambda: move_by_motor_pwms(some(4), 0.1),
@@ -270,7 +270,7 @@ def digest() -> str:
         ),
         RotateToYaw(20.0, 10.0, 5.0),
         move_by_velocity((2.0, 1.0, -0.5), 1.0, 0, YawMode(False, 45.0)),
-        move_by_roll_pitch_yaw_z((0.1, 0.05), 0.3, -5.0, 0.5),
+        move_by_attitude(0.5, roll=0.1, pitch=0.05, yaw=0.3, z=-5.0),
         rotate_by_yaw_rate(50.0, 0.5),
         move_by_motor_pwms((0.6, 0.6, 0.6, 0.6), 0.2),
         Hover(),

@@ -73,10 +73,10 @@ def test_velocity_with_height() -> None:
 def test_body_frame_velocity_is_along_the_heading_at_the_start() -> None:
     flown = pilot()
     turning = YawMode(is_rate=True, yaw_or_rate=45.0)
-    flown.do(timed.move_by_velocity_body_frame((2.0, 1.0, 0.5), 3.0, 0, turning))
+    flown.do(timed.move_by_velocity((2.0, 1.0, 0.5), 3.0, 0, turning, body=True))
     assert flown.ned.v_mps == pytest.approx((-1.0, 2.0, 0.5), abs=0.05)  # ahead is east, right is south
     flown = pilot()
-    flown.do(timed.move_by_velocity_z_body_frame((0.0, -2.0), 3.0, 4.0, 0, KEEP))
+    flown.do(timed.move_by_velocity_z((0.0, -2.0), 3.0, 4.0, 0, KEEP, body=True))
     assert flown.ned.v_mps == pytest.approx((2.0, 0.0, 0.0), abs=0.03)
     assert flown.ned.p_m[2] == pytest.approx(3.0, abs=0.02)
 
@@ -106,8 +106,8 @@ def test_a_slow_course_does_not_turn_the_nose() -> None:
 def test_attitudes_are_in_frd() -> None:
     """Roll to the right, pitch nose up, heading clockwise."""
     for move in (
-        timed.move_by_roll_pitch_yaw_z((0.2, -0.1), radians(60.0), 0.0, 2.0),
-        timed.move_by_roll_pitch_yaw_throttle((0.2, -0.1), radians(60.0), HOVER_THROTTLE, 2.0),
+        timed.move_by_attitude(2.0, roll=0.2, pitch=-0.1, yaw=radians(60.0), z=0.0),
+        timed.move_by_attitude(2.0, roll=0.2, pitch=-0.1, yaw=radians(60.0), throttle=HOVER_THROTTLE),
     ):
         flown = pilot()
         flown.do(move)
@@ -117,8 +117,8 @@ def test_attitudes_are_in_frd() -> None:
         assert north * cos(yaw) + east * sin(yaw) > 0.3  # nose down: forward
         assert east * cos(yaw) - north * sin(yaw) > 0.3  # to the right
     for move in (
-        timed.move_by_roll_pitch_yawrate_z((0.1, 0.1), 0.3, 0.0, 2.0),
-        timed.move_by_roll_pitch_yawrate_throttle((0.1, 0.1), 0.3, HOVER_THROTTLE, 2.0),
+        timed.move_by_attitude(2.0, roll=0.1, pitch=0.1, yaw_rate=0.3, z=0.0),
+        timed.move_by_attitude(2.0, roll=0.1, pitch=0.1, yaw_rate=0.3, throttle=HOVER_THROTTLE),
     ):
         flown = pilot()
         flown.do(move)
@@ -128,8 +128,8 @@ def test_attitudes_are_in_frd() -> None:
 
 def test_body_rates_are_in_frd() -> None:
     for move in (
-        timed.move_by_angle_rates_z((0.3, -0.2, 0.4), 0.0, 0.6),
-        timed.move_by_angle_rates_throttle((0.3, -0.2, 0.4), HOVER_THROTTLE, 0.6),
+        timed.move_by_attitude(0.6, roll_rate=0.3, pitch_rate=-0.2, yaw_rate=0.4, z=0.0),
+        timed.move_by_attitude(0.6, roll_rate=0.3, pitch_rate=-0.2, yaw_rate=0.4, throttle=HOVER_THROTTLE),
     ):
         flown = pilot()
         flown.do(move)
@@ -140,9 +140,9 @@ def test_body_rates_are_in_frd() -> None:
 @pytest.mark.parametrize("vehicle", ["iris", "x500", "racer", "octa_x"])
 def test_the_throttle_of_airsim_hovers_any_vehicle(vehicle: str, simple: bool) -> None:
     flown = pilot(vehicle, simple=simple)
-    flown.do(timed.move_by_angle_rates_throttle((0.0, 0.0, 0.0), HOVER_THROTTLE, 1.0))
+    flown.do(timed.move_by_attitude(1.0, roll_rate=0.0, pitch_rate=0.0, yaw_rate=0.0, throttle=HOVER_THROTTLE))
     assert flown.ned.v_mps[2] == pytest.approx(0.0, abs=0.02)
-    flown.do(timed.move_by_angle_rates_throttle((0.0, 0.0, 0.0), 1.1 * HOVER_THROTTLE, 1.0))
+    flown.do(timed.move_by_attitude(1.0, roll_rate=0.0, pitch_rate=0.0, yaw_rate=0.0, throttle=1.1 * HOVER_THROTTLE))
     # A climb costs thrust: most of the octocopter's large propellers of little pitch.
     assert flown.ned.v_mps[2] == pytest.approx(-0.1 * AIRFIELD.gravity_mps2, rel=0.15 if simple else 0.25)
 
@@ -215,15 +215,15 @@ NUMBERS = [nan, inf, -inf]
         ("vz", lambda x: timed.move_by_velocity((0.0, 0.0, x), 1.0, 0, KEEP)),
         ("yaw_or_rate", lambda x: timed.move_by_velocity((0.0, 0.0, 0.0), 1.0, 0, YawMode(True, x))),
         ("z", lambda x: timed.move_by_velocity_z((0.0, 0.0), x, 1.0, 0, KEEP)),
-        ("vy", lambda x: timed.move_by_velocity_body_frame((0.0, x, 0.0), 1.0, 0, KEEP)),
-        ("vx", lambda x: timed.move_by_velocity_z_body_frame((x, 0.0), 0.0, 1.0, 0, KEEP)),
+        ("vy", lambda x: timed.move_by_velocity((0.0, x, 0.0), 1.0, 0, KEEP, body=True)),
+        ("vx", lambda x: timed.move_by_velocity_z((x, 0.0), 0.0, 1.0, 0, KEEP, body=True)),
         ("rear_left_pwm", lambda x: timed.move_by_motor_pwms((0.1, x, 0.1, 0.1), 1.0)),
-        ("roll", lambda x: timed.move_by_roll_pitch_yaw_z((x, 0.0), 0.0, 0.0, 1.0)),
-        ("pitch", lambda x: timed.move_by_roll_pitch_yaw_throttle((0.0, x), 0.0, 0.5, 1.0)),
-        ("yaw_rate", lambda x: timed.move_by_roll_pitch_yawrate_z((0.0, 0.0), x, 0.0, 1.0)),
-        ("throttle", lambda x: timed.move_by_roll_pitch_yawrate_throttle((0.0, 0.0), 0.0, x, 1.0)),
-        ("roll_rate", lambda x: timed.move_by_angle_rates_z((x, 0.0, 0.0), 0.0, 1.0)),
-        ("throttle", lambda x: timed.move_by_angle_rates_throttle((0.0, 0.0, 0.0), x, 1.0)),
+        ("roll", lambda x: timed.move_by_attitude(1.0, roll=x, pitch=0.0, yaw=0.0, z=0.0)),
+        ("pitch", lambda x: timed.move_by_attitude(1.0, roll=0.0, pitch=x, yaw=0.0, throttle=0.5)),
+        ("yaw_rate", lambda x: timed.move_by_attitude(1.0, roll=0.0, pitch=0.0, yaw_rate=x, z=0.0)),
+        ("throttle", lambda x: timed.move_by_attitude(1.0, roll=0.0, pitch=0.0, yaw_rate=0.0, throttle=x)),
+        ("roll_rate", lambda x: timed.move_by_attitude(1.0, roll_rate=x, pitch_rate=0.0, yaw_rate=0.0, z=0.0)),
+        ("throttle", lambda x: timed.move_by_attitude(1.0, roll_rate=0.0, pitch_rate=0.0, yaw_rate=0.0, throttle=x)),
         ("yaw_rate", lambda x: timed.rotate_by_yaw_rate(x, 1.0)),
     ],
 )
