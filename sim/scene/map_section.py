@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self
 
 import pydantic
 from pydantic import Discriminator, Field, Tag
@@ -55,7 +55,19 @@ SurfaceChoice = Annotated[
 ]
 
 
-class MjcfMap(StrictModel):
+class _FileMap(StrictModel):
+    """Map from a file, named by a key of the kind. Keys of other kinds are declared only to be refused: excluded."""
+
+    @pydantic.model_validator(mode="after")
+    def _one_source(self) -> Self:
+        own = next(key for key, kind in _FILES.items() if isinstance(self, kind))
+        for key, declared in type(self).model_fields.items():
+            if declared.exclude and getattr(self, key) is not None:
+                raise ValueError(f"holds both {own} and {key}: a map is one file or comes from a generator")
+        return self
+
+
+class MjcfMap(_FileMap):
     """The user's own map: any MJCF file, with the classes and surfaces of its parts."""
 
     mjcf: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
@@ -65,16 +77,11 @@ class MjcfMap(StrictModel):
     # MJCF material -> a name of sim.scene.surfaces, or values
     surfaces: dict[str, SurfaceChoice] = Field(default_factory=dict)
 
-    # Keys of other maps, declared only so that they are rejected with a clear message.
     generator: Any = Field(default=None, exclude=True)
     seed: Any = Field(default=None, exclude=True)
 
-    @pydantic.model_validator(mode="after")
-    def _one_source(self) -> MjcfMap:
-        return _without(self, "mjcf", ("generator", "seed"))
 
-
-class GltfMap(StrictModel):
+class GltfMap(_FileMap):
     """A place from a glTF file (.glb, .gltf), with the classes and surfaces of its parts."""
 
     gltf: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
@@ -92,10 +99,6 @@ class GltfMap(StrictModel):
     seed: Any = Field(default=None, exclude=True)
     mjcf: Any = Field(default=None, exclude=True)
 
-    @pydantic.model_validator(mode="after")
-    def _one_source(self) -> GltfMap:
-        return _without(self, "gltf", ("generator", "seed", "mjcf"))
-
 
 class OsmObjects(StrictModel):
     """Parked cars, people, road details and denser or thinner woods of an OpenStreetMap district."""
@@ -106,7 +109,7 @@ class OsmObjects(StrictModel):
     max_people: Annotated[int, Field(ge=0, le=200)] = 40
 
 
-class OsmMap(StrictModel):
+class OsmMap(_FileMap):
     """A district from an OpenStreetMap extract, round the scene's site."""
 
     osm: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
@@ -127,12 +130,8 @@ class OsmMap(StrictModel):
     def surfaces(self) -> dict[str, SurfaceChoice]:
         return {}
 
-    @pydantic.model_validator(mode="after")
-    def _one_source(self) -> OsmMap:
-        return _without(self, "osm", ("generator", "mjcf", "gltf"))
 
-
-class ElevationMap(StrictModel):
+class ElevationMap(_FileMap):
     """Bare ground with the heights of a GeoTIFF (a DEM), round the scene's site."""
 
     elevation: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
@@ -154,21 +153,6 @@ class ElevationMap(StrictModel):
     @property
     def surfaces(self) -> dict[str, SurfaceChoice]:
         return {}
-
-    @pydantic.model_validator(mode="after")
-    def _one_source(self) -> ElevationMap:
-        return _without(self, "elevation", ("generator", "mjcf", "gltf"))
-
-
-T = TypeVar("T", bound=StrictModel)
-
-
-def _without(section: T, own: str, others: tuple[str, ...]) -> T:
-    """Return the section. Raises ValueError if it holds a key of another kind of map."""
-    for key in others:
-        if getattr(section, key) is not None:
-            raise ValueError(f"holds both {own} and {key}: a map is one file or comes from a generator")
-    return section
 
 
 def _map_source(section: Any) -> str:
