@@ -49,7 +49,6 @@ class _RadialTable(NamedTuple):
 
     undistorted: Float64  # radius, or angle of a fisheye [rad]
     radius: Float64  # in the picture
-    folds_back: bool
 
 
 @dataclass(frozen=True)
@@ -228,7 +227,7 @@ def _while_growing(undistorted: Float64, radius: Float64) -> _RadialTable:
     """Return the part of the table before the radius first stops growing or is not finite."""
     grows = np.diff(radius) > 0.0
     last = len(grows) if grows.all() else int(np.argmin(grows))
-    return _RadialTable(undistorted[: last + 1], radius[: last + 1], last < len(grows))
+    return _RadialTable(undistorted[: last + 1], radius[: last + 1])
 
 
 def _last_if_growing(radius: Float64) -> float:

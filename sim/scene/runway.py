@@ -29,11 +29,6 @@ class Runway(StrictModel):
         angle = self.heading_deg * RAD_PER_DEG
         return det_sin(angle), det_cos(angle)
 
-    @property
-    def far_end_m(self) -> tuple[float, float]:
-        """Middle of its other end."""
-        return self.at(self.length_m)[:2]
-
     def at(self, along_m: float, right_m: float = 0.0, height_m: float = 0.0) -> Vec3:
         """Return the point so far along from the threshold, so far right of the centre line and above it, in W."""
         (x, y), (e, n) = self.threshold_m, self.direction_W

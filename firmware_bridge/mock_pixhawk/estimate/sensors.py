@@ -133,7 +133,6 @@ class SensorIntake:
         self.incomplete_groups = 0
         self.not_finite = 0
         self.gps: GpsFix | None = None
-        self.baro_hpa = 1013.25
         self.differential_hpa: float | None = None  # of the pitot tube; None: no sample came
         self.differential_us: int | None = None  # its time
         self.vibration: VibrationMetrics | None = None  # measured from the first request for VIBRATION on
@@ -229,7 +228,6 @@ class SensorIntake:
                 if t_us >= self._next_baro_us:
                     self._next_baro_us = t_us + _BARO_PERIOD_US
                     if 1.0 < pressure < 2000.0:
-                        self.baro_hpa = pressure
                         self._estimator.update_baro(t_us, pressure_altitude_m(pressure))
                     else:
                         self.not_finite += 1

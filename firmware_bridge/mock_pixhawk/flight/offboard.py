@@ -38,18 +38,15 @@ class Offboard:
         self._setpoint: tuple[int, tuple[float, ...]] | None = None
         self._yaw = 0.0
         self.last_us: int | None = None
-        self.rejected = 0
 
     def fresh(self, now_us: int, limit_us: int = _MAX_GAP_US) -> bool:
         """Return True if a set-point arrived within the last `limit_us`."""
         return self.last_us is not None and now_us - self.last_us <= limit_us
 
     def _keep(self, now_us: int, kind: int, values: tuple[float, ...]) -> None:
-        if any(value in (float("inf"), float("-inf")) for value in values):
-            self.rejected += 1
-            return
-        self._setpoint = (kind, values)
-        self.last_us = now_us
+        if not any(value in (float("inf"), float("-inf")) for value in values):
+            self._setpoint = (kind, values)
+            self.last_us = now_us
 
     def on_local(self, m: Any, now_us: int) -> None:
         """Handle SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED, or BODY_NED for velocities."""
@@ -59,7 +56,6 @@ class Offboard:
             c, s = el.cos(self._vehicle.yaw), el.sin(self._vehicle.yaw)
             position, velocity = (nan, nan, nan), (m.vx * c - m.vy * s, m.vx * s + m.vy * c, m.vz)
         else:
-            self.rejected += 1
             return
         self._position_target(m, position, velocity, now_us)
 
@@ -70,10 +66,8 @@ class Offboard:
         if m.coordinate_frame in _GLOBAL_RELATIVE and home is not None:
             alt += home.alt_m
         elif m.coordinate_frame not in _GLOBAL:
-            self.rejected += 1
             return
         if not (abs(m.lat_int) <= 900_000_000 and abs(m.lon_int) <= 1_800_000_000):
-            self.rejected += 1
             return
         self._position_target(m, self._project(m.lat_int / 1e7, m.lon_int / 1e7, alt), (m.vx, m.vy, m.vz), now_us)
 
@@ -82,8 +76,7 @@ class Offboard:
         p = tuple(nan if mask & bit else x for x, bit in zip(position, _IGNORE_POSITION, strict=True))
         v = tuple(nan if mask & bit else x for x, bit in zip(velocity, _IGNORE_VELOCITY, strict=True))
         if any(a != a and b != b for a, b in zip(p, v, strict=True)):
-            self.rejected += 1  # an axis without position and velocity cannot be flown
-            return
+            return  # an axis without position and velocity cannot be flown
         # Without velocity the position is a target at rest.
         v = tuple(0.0 if x != x else x for x in v)
         yaw = nan if mask & _IGNORE_YAW else m.yaw
@@ -101,7 +94,6 @@ class Offboard:
         w, x, y, z = m.q
         square = w * w + x * x + y * y + z * z
         if not 0.5 < square < 2.0:
-            self.rejected += 1
             return
         k = 1.0 / sqrt(square)
         roll, pitch, yaw = roll_pitch_yaw((w * k, x * k, y * k, z * k))

@@ -46,7 +46,6 @@ class PlaneAttitude:
     def reset(self) -> None:
         """Clear the integrators."""
         self._integral = [0.0, 0.0, 0.0]
-        self.rates_sp = (0.0, 0.0, 0.0)
 
     def step(
         self,
@@ -88,15 +87,13 @@ class PlaneAttitude:
         scale = min(max(self._trim_airspeed / max(airspeed_mps, 1.0), _SCALE[0]), _SCALE[1])
         dt = min(dt_s, _LONGEST_STEP_S)
         out = [0.0, 0.0, 0.0]
-        limited = [0.0, 0.0, 0.0]
         integral = self._integral
         for axis in range(3):
             low, high = self._rate_limits[axis]
-            rate_sp = limited[axis] = min(max(wanted[axis], low), high)
+            rate_sp = min(max(wanted[axis], low), high)
             p, i, ff, most = self._gains[axis]
             error = rate_sp - rates[axis]
             if not holds:
                 integral[axis] = min(max(integral[axis] + i * error * dt, -most), most)
             out[axis] = scale * scale * (p * error + integral[axis]) + scale * ff * rate_sp + self._trim[axis]
-        self.rates_sp = (limited[0], limited[1], limited[2])
         return (out[0], out[1], out[2])

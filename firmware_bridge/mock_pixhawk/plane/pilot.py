@@ -149,7 +149,7 @@ class PlanePilot:
     def take_over(self) -> None:
         """Start a new mode from the vehicle's motion."""
         v = self._vehicle
-        self._tecs.reset(-v.pos_d, -v.v_d, float(self._state[_EULER + 1]) - self._offset)
+        self._tecs.reset(-v.pos_d, float(self._state[_EULER + 1]) - self._offset)
         self.path = None
         self._direct = None
         self._steers = self._rolling = self._holds_tail = False

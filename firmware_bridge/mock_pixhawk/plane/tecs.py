@@ -54,7 +54,7 @@ class Tecs:
 
     def __init__(self, params: ParamTable) -> None:
         self.refresh_params(params)
-        self.reset(0.0, 0.0, 0.0)
+        self.reset(0.0, 0.0)
 
     def refresh_params(self, p: ParamTable) -> None:
         """Read the parameters again."""
@@ -72,10 +72,9 @@ class Tecs:
         self._forward = p["FW_T_SEB_R_FF"]
         self._trim_throttle = p["FW_THR_TRIM"]
 
-    def reset(self, height_m: float, climb_mps: float, pitch_rad: float) -> None:
+    def reset(self, height_m: float, pitch_rad: float) -> None:
         """Start anew from the vehicle's height and pitch."""
         self.reference_m = height_m
-        self.reference_rate_mps = climb_mps
         self._throttle_integral = 0.0
         self._pitch_integral = 0.0
         self._total_filtered: float | None = None
@@ -107,12 +106,11 @@ class Tecs:
     def _climb_setpoint(self, state: VerticalState, demand: Demand, dt: float) -> float:
         """Move the height reference towards the demand at limited rate; return the height rate that follows it."""
         if demand.climb_mps is not None:
-            self.reference_m, self.reference_rate_mps = state.height_m, demand.climb_mps
+            self.reference_m = state.height_m
             wanted = demand.climb_mps
         else:
             offset = demand.height_m - self.reference_m
             rate = min(max(offset / self._height_tc, -self._sink_ref), self._climb_ref)
-            self.reference_rate_mps = rate
             self.reference_m += rate * dt
             # A reference that ran away from a vehicle that cannot follow would wind up.
             self.reference_m = min(max(self.reference_m, state.height_m - 30.0), state.height_m + 30.0)

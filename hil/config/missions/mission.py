@@ -18,7 +18,7 @@ MAX_DISTANCE_M = 100_000.0  # from the scene's site
 _OTHER_MISSION = "name the mission of this place with --mission, or fly none: --set mission=null"
 
 # MAV_FRAME numbers that a mission may use.
-FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
+FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE = 0, 2, 3
 GLOBAL_FRAMES = (0, 5)  # altitude above mean sea level
 RELATIVE_FRAMES = (3, 6)  # altitude above home
 TERRAIN_FRAMES = (10, 11)  # altitude above terrain

@@ -11,7 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 Index = Annotated[int, Field(ge=0)]
 Share = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
-Numbers2 = tuple[FiniteFloat, FiniteFloat]
 Numbers3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Numbers4 = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 Matrix4 = Annotated[tuple[FiniteFloat, ...], Field(min_length=16, max_length=16)]

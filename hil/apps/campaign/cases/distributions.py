@@ -43,10 +43,6 @@ class Distribution(StrictModel):
             raise ValueError("within belongs to normal")
         return self
 
-    @property
-    def is_numeric(self) -> bool:
-        return self.choice is None
-
     def value(self, u: float) -> Any:
         """Return the value at the probability `u`, 0 < u < 1."""
         if self.choice is not None:

@@ -31,16 +31,14 @@ class Margins:
     missed: int = 0
     total: float = 0.0
     least: float = math.inf
-    least_case: str = ""
     sample: array[float] = field(default_factory=lambda: array("d"))
 
-    def add(self, case: str, limit: Limit, margin: float) -> None:
+    def add(self, limit: Limit, margin: float) -> None:
         """Add the margin of one flight."""
         self.count += 1
         self.missed += limit.ok is False
         self.total += margin
-        if margin < self.least:
-            self.least, self.least_case = margin, case
+        self.least = min(self.least, margin)
         if len(self.sample) < SAMPLE:
             self.sample.append(margin)
 
@@ -116,7 +114,7 @@ class Summary:
         for limit in case.outcome.limits:
             margin = limit.margin
             if margin is not None:
-                self.margins.setdefault(limit.name, Margins()).add(case.id, limit, margin)
+                self.margins.setdefault(limit.name, Margins()).add(limit, margin)
 
     @property
     def broken(self) -> list[Case]:
