@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.bench_files import FLIGHT_SENSORS
 from tests.worlds.bench_process import Hil
 from tests.worlds.chromium import chromium, needs_chromium, open_dashboard, patient
 from tests.worlds.patience import PATIENCE_S
@@ -23,13 +24,8 @@ from tests.worlds.patience import PATIENCE_S
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = needs_chromium
 
-SENSORS = """
-sensors:
-  imu: {preset: icm20689}
-  gps: {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag: {preset: ist8310, rate_hz: 50}
-  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
+SENSORS = f"""
+{FLIGHT_SENSORS}  front: {{kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}}
 """
 BENCH = (
     SENSORS

@@ -23,13 +23,6 @@ HELLO = heartbeat(CLIENT)
 ARM = command(CLIENT, 1, 1)
 
 
-@pytest.fixture
-def client():
-    client = UdpClient()
-    yield client
-    client.close()
-
-
 def hears(client, count):
     """Return the names of messages since the last call, once there are `count`, or after a time-out."""
     deadline = time.monotonic() + (PATIENCE_S if count else 0.02)

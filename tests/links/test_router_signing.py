@@ -51,13 +51,6 @@ def opened(**options) -> Router:
 
 
 @pytest.fixture
-def client() -> Iterator[UdpClient]:
-    client = UdpClient()
-    yield client
-    client.close()
-
-
-@pytest.fixture
 def demanding() -> Iterator[Router]:
     router = opened(client_signing=ClientSigning(KEY))
     yield router

@@ -10,6 +10,13 @@ import pytest
 from hil.config import Bench, load_bench
 from signals.errors import ConfigError
 
+FLIGHT_SENSORS = """sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+"""
+
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

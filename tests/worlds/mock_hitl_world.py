@@ -9,18 +9,9 @@ from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board, BoardClock
 from tests.worlds.mock_pixhawk_world import TICK_NS, World, results, texts
+from tests.worlds.simulated_time import SimulatedTime
 
 OUTPUT = MSGID["HIL_ACTUATOR_CONTROLS"]
-
-
-class SimulatedTime:
-    """A source of nanoseconds for a board's clock."""
-
-    def __init__(self) -> None:
-        self.now_ns = 0
-
-    def __call__(self) -> int:
-        return self.now_ns
 
 
 class Cable:

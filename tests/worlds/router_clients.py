@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
+
+import pytest
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack
@@ -110,3 +112,11 @@ def until(router: Router, done: Callable[[bytes], bool], t_ns: int = 0, limit_s:
             return data
         assert time.monotonic() < deadline, f"only {len(data)} bytes came"
         time.sleep(0.001)
+
+
+@pytest.fixture
+def client() -> Iterator[UdpClient]:
+    """A client, closed at the end."""
+    client = UdpClient()
+    yield client
+    client.close()

@@ -12,13 +12,6 @@ from tests.worlds.mock_pixhawk_world import GCS, GCS_COMPONENT, World, messages,
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 
 
-@pytest.fixture
-def world():
-    world = World()
-    world.run(0.2)
-    return world
-
-
 def ready_world(**autopilot):
     world = World(**autopilot)
     world.run(5.0)

@@ -5,17 +5,10 @@ import math
 import pytest
 
 from firmware_bridge.mock_pixhawk.ids import MissionResult as R
-from tests.worlds.mock_pixhawk_world import World, messages, texts
+from tests.worlds.mock_pixhawk_world import messages, texts
 
 LAT, LON = 473_977_420, 85_455_940
 UNKNOWN = 2**31 - 1
-
-
-@pytest.fixture
-def world():
-    world = World()
-    world.run(0.2)
-    return world
 
 
 def item(seq, command=16, *, frame=6, params=(0.0, 0.0, 0.0, math.nan), x=LAT, y=LON, z=10.0, **changes):

@@ -7,16 +7,9 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.parameters.params import TYPE_INT32, TYPE_REAL32
-from tests.worlds.mock_pixhawk_world import World, texts
+from tests.worlds.mock_pixhawk_world import texts
 
 VALUE = struct.Struct("<4sHH16sB")
-
-
-@pytest.fixture
-def world():
-    world = World()
-    world.run(0.2)
-    return world
 
 
 def values(frames):

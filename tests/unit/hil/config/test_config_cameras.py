@@ -8,22 +8,15 @@ import pytest
 
 from hil.config import Bench, load_bench, resolved_yaml
 from tests.worlds import bench_files
-from tests.worlds.bench_files import elsewhere  # noqa: F401 (the fixture is for every test)
-
-SENSORS = """sensors:
-  imu: {preset: icm20689}
-  gps: {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag: {preset: ist8310, rate_hz: 50}
-"""
+from tests.worlds.bench_files import FLIGHT_SENSORS, elsewhere  # noqa: F401 (the fixture is for every test)
 
 
 def load(camera: str, more: str = "") -> Bench:
-    return bench_files.load(f"{SENSORS}  front: {camera}\n{more}")
+    return bench_files.load(f"{FLIGHT_SENSORS}  front: {camera}\n{more}")
 
 
 def refused(camera: str, more: str = "") -> str:
-    (problem,) = bench_files.refused(f"{SENSORS}  front: {camera}\n{more}")
+    (problem,) = bench_files.refused(f"{FLIGHT_SENSORS}  front: {camera}\n{more}")
     return problem
 
 

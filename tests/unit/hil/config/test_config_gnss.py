@@ -12,27 +12,13 @@ from signals.errors import ConfigError
 from sim.gnss.constellations import nominal_orbits
 from sim.gnss.gps_time import gps_seconds
 from sim.scene.light import time_of
-
-ALMANAC = """ID:                         05
-Health:                     000
-Eccentricity:               0.5000000000E-002
-Time of Applicability(s):  405504.0000
-Orbital Inclination(rad):   0.9424777961
-Rate of Right Ascen(r/s):  -0.7853981634E-008
-SQRT(A)  (m 1/2):           5153.600000
-Right Ascen at Week(rad):  -0.1570796327E+001
-Argument of Perigee(rad):   0.785398163
-Mean Anom(rad):             0.3141592654E+000
-Af0(s):                     0.1000000000E-003
-Af1(s/s):                   0.0000000000E+000
-week:                        320
-"""
+from tests.unit.sim.gnss.test_gnss_almanac import record
 
 
 def written(folder: Path, sky: str, more: str = "") -> Path:
     path = folder / "bench.yaml"
     path.write_text(f"rig: mock\nmission: null\nsensors:\n  gps: {{preset: m8n, rate_hz: 5, sky: {sky}}}\n{more}")
-    (folder / "current.alm").write_text(ALMANAC)
+    (folder / "current.alm").write_text(record(5))
     return path
 
 
@@ -66,7 +52,7 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path) -> None:
     assert "unknown" in refused(tmp_path, "{sattelites: 3}")
     assert "which systems leaves out" in refused(tmp_path, "{almanac: current.alm, systems: [galileo]}")
     bad = written(tmp_path, "{almanac: current.alm}")
-    (tmp_path / "current.alm").write_text(ALMANAC.replace("5153.6", "fast"))
+    (tmp_path / "current.alm").write_text(record(5).replace("5153.6", "fast"))
     with pytest.raises(ConfigError) as caught:
         load_bench(bad)
     assert any(problem.where.endswith("current.alm:7") for problem in caught.value.problems)

@@ -15,15 +15,10 @@ from signals.errors import ConfigError
 from sim.radar.chirp import Chirp
 from sim.sensors.catalog import PRESETS
 from tests.worlds import bench_files
-from tests.worlds.bench_files import elsewhere  # noqa: F401 (the fixture is for every test)
+from tests.worlds.bench_files import FLIGHT_SENSORS, elsewhere  # noqa: F401 (the fixture is for every test)
 
-SENSORS = """scene: radar_range
-sensors:
-  imu: {preset: icm20689}
-  gps: {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag: {preset: ist8310, rate_hz: 50}
-  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [rgb]}
+SENSORS = f"""scene: radar_range
+{FLIGHT_SENSORS}  front: {{kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [rgb]}}
 """
 REPOSITORY = Path(__file__).resolve().parents[4]
 

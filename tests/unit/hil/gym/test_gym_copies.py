@@ -16,21 +16,10 @@ import pytest
 
 import hil.gym
 from hil.gym.parallel_env import FlightParallelEnv
+from tests.unit.hil.gym.test_gym_parallel_env import PAIR
 from tests.worlds.gym_rollouts import flat, go_on
 
 ROOT = Path(__file__).resolve().parents[4]
-PAIR = """
-rig: mock
-scene: airfield
-vehicles:
-  a: {start: {p_W: [0, 0, 0]}}
-  b: {start: {p_W: [0, 1.5, 0]}}
-sensors:
-  imu:  {preset: icm20689}
-  gps:  {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag:  {preset: ist8310, rate_hz: 50}
-"""
 NAMES = ("hil/Hover-v0", "hil/Bench-v0", "hil/Waypoints-v0", "hil/Explore-v0")
 
 

@@ -13,20 +13,17 @@ from pettingzoo.test import parallel_api_test
 from hil.gym import Transition
 from hil.gym.parallel_env import FlightParallelEnv
 from signals.errors import ConfigError
+from tests.worlds.bench_files import FLIGHT_SENSORS
 
-BENCH = """
+PAIR = f"""
 rig: mock
 scene: airfield
 vehicles:
-  a: {start: {p_W: [0, 0, 0]}}
-  b: {start: {p_W: [0, 1.5, 0]}}
-sensors:
-  imu:  {preset: icm20689}
-  gps:  {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag:  {preset: ist8310, rate_hz: 50}
-  side:
-    {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [depth], mount_rpy_deg: [0, 0, 90]}
+  a: {{start: {{p_W: [0, 0, 0]}}}}
+  b: {{start: {{p_W: [0, 1.5, 0]}}}}
+{FLIGHT_SENSORS}"""
+BENCH = f"""{PAIR}  side:
+    {{kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [depth], mount_rpy_deg: [0, 0, 90]}}
 """
 
 

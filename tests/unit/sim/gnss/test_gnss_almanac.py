@@ -14,24 +14,11 @@ from sim.gnss.constellations import nominal_orbits
 from sim.gnss.gps_time import full_week, gps_seconds
 from sim.scene.light import time_of
 
-YUMA = """******** Week 320 almanac for PRN-01 ********
-ID:                         01
-Health:                     000
-Eccentricity:               0.5000000000E-002
-Time of Applicability(s):  405504.0000
-Orbital Inclination(rad):   0.9424777961
-Rate of Right Ascen(r/s):  -0.7853981634E-008
-SQRT(A)  (m 1/2):           5153.600000
-Right Ascen at Week(rad):  -0.1570796327E+001
-Argument of Perigee(rad):   0.785398163
-Mean Anom(rad):             0.3141592654E+000
-Af0(s):                     0.1000000000E-003
-Af1(s/s):                   0.0000000000E+000
-week:                        320
 
-******** Week 320 almanac for PRN-02 ********
-ID:                         02
-Health:                     063
+def record(number: int, health: str = "000") -> str:
+    """Return a satellite of a YUMA file, without its headline."""
+    return f"""ID:                         {number:02}
+Health:                     {health}
 Eccentricity:               0.5000000000E-002
 Time of Applicability(s):  405504.0000
 Orbital Inclination(rad):   0.9424777961
@@ -44,6 +31,10 @@ Af0(s):                     0.1000000000E-003
 Af1(s/s):                   0.0000000000E+000
 week:                        320
 """
+
+
+HEADLINE = "******** Week 320 almanac for PRN-{} ********\n"
+YUMA = f"{HEADLINE.format('01')}{record(1)}\n{HEADLINE.format('02')}{record(2, '063')}"
 SEM = """2  CURRENT.ALM
 320 405504
 

@@ -13,16 +13,11 @@ from sim.physics.forces.rotors import Spin
 from sim.physics.multirotor import multirotor_names
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Scene
 
 TICK_NS = 4_000_000
 OFF = (0.0,) * 8
 VEHICLES = vehicle_names()
-
-
-@pytest.fixture(scope="module")
-def airfield() -> Scene:
-    return load_scene("airfield")
 
 
 def upright(truth: TruthState) -> float:

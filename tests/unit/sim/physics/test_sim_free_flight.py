@@ -13,7 +13,7 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.multirotor import multirotor_names
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Scene
 from tests.worlds.rotation_matrices import rotation
 from tests.worlds.rotor_models import quadratic
 
@@ -21,11 +21,6 @@ TICK_NS = 4_000_000
 TICK_S = 0.004
 HIGH = (3.0, -2.0, 500.0)
 VEHICLES = multirotor_names()
-
-
-@pytest.fixture(scope="module")
-def airfield() -> Scene:
-    return load_scene("airfield")
 
 
 def spin_rotors(physics: VehiclePhysics, control: float) -> None:

@@ -13,16 +13,11 @@ from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Scene
 from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 100_000  # short: accelerations are those of the start
 RHO = 1.225
-
-
-@pytest.fixture(scope="module")
-def airfield() -> Scene:
-    return load_scene("airfield")
 
 
 def bare(**constants: Any) -> Vehicle:

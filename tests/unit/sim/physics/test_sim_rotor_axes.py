@@ -16,16 +16,11 @@ from sim.physics.forces.rotors import Rotor
 from sim.physics.multirotor import multirotor_names
 from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Scene
 from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 100_000  # short: accelerations are those of the start
 G = 9.80665
-
-
-@pytest.fixture(scope="module")
-def airfield() -> Scene:
-    return load_scene("airfield")
 
 
 def with_axes(name: str, axes: dict[int, tuple[float, float, float]]) -> Vehicle:

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from sim.radar.dca1000 import frame_words, mmwave_json, setup_json
-from sim.sensors.catalog import PRESETS
 from sim.sensors.radar_parameters import RadarParameters
-
-
-def preset(name: str) -> RadarParameters:
-    p = PRESETS[name].parameters
-    assert isinstance(p, RadarParameters)
-    return p
+from tests.worlds.radar_presets import preset
 
 
 def raw_of(p: RadarParameters, chirps: int = 3) -> np.ndarray[tuple[int, ...], np.dtype[np.uint16]]:

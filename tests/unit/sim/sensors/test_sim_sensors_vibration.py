@@ -13,30 +13,11 @@ from signals.samples import ImuSample, TruthState
 from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.physics.vibration import OFFSET_M, Mount, Vibration
-from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.rotor_lines import vibration_arguments, vibration_of
 from sim.sensors.sensor import Installation
+from tests.unit.sim.sensors.test_sim_sensors_imu import DT, IDEAL, SCENE, TICK_NS, ZERO, G
 
-TICK_NS = 4_000_000
-DT = TICK_NS * 1e-9
-SCENE = load_scene("airfield")
-G = SCENE.gravity_mps2
-ZERO = (0.0, 0.0, 0.0)
-IDEAL: dict[str, Any] = {
-    "accel_noise_mps2_per_rthz": 0.0,
-    "gyro_noise_radps_per_rthz": 0.0,
-    "accel_walk_mps3_per_rthz": 0.0,
-    "gyro_walk_radps2_per_rthz": 0.0,
-    "accel_turn_on_bias_mps2": 0.0,
-    "gyro_turn_on_bias_radps": 0.0,
-    "accel_range_mps2": 1000.0,
-    "gyro_range_radps": 100.0,
-    "accel_bits": 32,
-    "gyro_bits": 32,
-    "temperature_degc": 45.0,
-    "temperature_noise_degc": 0.0,
-}
 ONE = Vibration(imbalance_kgm=2e-6, blades=2, blade_pass_thrust=(0.03,))
 X500 = load_vehicle("x500")
 

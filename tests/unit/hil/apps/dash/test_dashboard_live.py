@@ -21,20 +21,13 @@ from hil.run.feed.server_connection import ServerConnection
 from hil.run.report.channel_images import channel_image
 from signals.classes import Classes
 from signals.samples import ImageSample, PointCloudSample
+from tests.worlds.simulated_time import SimulatedTime
 
 MS = 1_000_000
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.now_ns = 0
-
-    def __call__(self) -> int:
-        return self.now_ns
-
-
 def test_sticks_count_only_while_the_page_repeats_them() -> None:
-    clock = Clock()
+    clock = SimulatedTime()
     sticks = PageSticks(clock)
     assert sticks.poll().held is False
     sticks.move({"held": True, "axes": [0.5, -2.0, 0.0, 1.0]})
@@ -54,7 +47,7 @@ def test_sticks_count_only_while_the_page_repeats_them() -> None:
 
 
 def test_a_slow_tick_does_not_release_the_switch_while_messages_wait() -> None:
-    clock = Clock()
+    clock = SimulatedTime()
     sticks = PageSticks(clock)
     sticks.move({"held": True, "axes": [1, 0, 0, 0]})
     clock.now_ns += 900 * MS  # a tick of a loaded machine, in which nobody reads what the page repeats
@@ -70,7 +63,7 @@ def test_a_slow_tick_does_not_release_the_switch_while_messages_wait() -> None:
 
 def test_sticks_are_released_with_the_connection(monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = socket.socketpair()
-    clock = Clock()
+    clock = SimulatedTime()
     live = LiveRun(ours, clock_ns=clock)
     vehicle = live.vehicle()
     monkeypatch.setattr(vehicle, "extend_trail", lambda: None)  # it has not flown
@@ -84,7 +77,7 @@ def test_sticks_are_released_with_the_connection(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("axes", [None, [1.0], ["1", 0, 0, 0], [float("nan"), 0, 0, 0], [True, 0, 0, 0], "abcd"])
 def test_invalid_sticks_are_ignored(axes: Any) -> None:
-    sticks = PageSticks(Clock())
+    sticks = PageSticks(SimulatedTime())
     sticks.move({"held": True, "axes": axes})
     assert sticks.poll().sticks == NEUTRAL
     sticks.move({"held": "yes", "axes": [1, 1, 1, 1]})
@@ -92,7 +85,7 @@ def test_invalid_sticks_are_ignored(axes: Any) -> None:
 
 
 def test_a_button_is_one_press() -> None:
-    clock = Clock()
+    clock = SimulatedTime()
     sticks = PageSticks(clock)
     buttons = page_buttons({"position": (3.0, 0.0), "mission": (4.0, 4.0)})
     sticks.move({"held": True, "axes": [0, 0, 0, 0], "ask": "mission"})

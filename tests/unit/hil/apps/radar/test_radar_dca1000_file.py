@@ -11,15 +11,8 @@ import pytest
 
 from hil.apps.radar.dca1000 import Dca1000File
 from signals.errors import ConfigError
-from sim.sensors.catalog import PRESETS
-from sim.sensors.radar_parameters import RadarParameters
 from tests.accuracy.test_radar_array_targets import frame_of
-
-
-def preset(name: str) -> RadarParameters:
-    p = PRESETS[name].parameters
-    assert isinstance(p, RadarParameters)
-    return p
+from tests.worlds.radar_presets import preset
 
 
 def test_a_reflector_has_its_range_and_angle_in_the_file(tmp_path: Path) -> None:

@@ -9,22 +9,15 @@ from pydantic import ValidationError
 
 from firmware_bridge.faults.companion_fault import CompanionFault
 from hil.run.companion.link_faults import CompanionFaults
+from tests.worlds.simulated_time import SimulatedTime
 
 S = 1_000_000_000
 
 
-class Wall:
-    def __init__(self) -> None:
-        self.now_ns = 0
-
-    def __call__(self) -> int:
-        return self.now_ns
-
-
-def made(wall: Wall | None = None) -> tuple[CompanionFaults, list[Any]]:
+def made(wall: SimulatedTime | None = None) -> tuple[CompanionFaults, list[Any]]:
     events: list[Any] = []
     faults = CompanionFaults(
-        3, lambda *event: events.append(event), lambda *client: events.append(client), wall_ns=wall or Wall()
+        3, lambda *event: events.append(event), lambda *client: events.append(client), wall_ns=wall or SimulatedTime()
     )
     return faults, events
 
@@ -65,7 +58,7 @@ def test_a_late_answer_is_not_overtaken() -> None:
 
 @pytest.mark.parametrize("by_wall", [True, False])
 def test_an_unplug_ends_by_either_clock(by_wall: bool) -> None:
-    wall = Wall()
+    wall = SimulatedTime()
     faults, events = made(wall)
     faults.inject(CompanionFault(kind="unplug", client="a", at_s=1.0, for_s=2.0), S)
     assert ("a", "unplugged by an injected fault") in events

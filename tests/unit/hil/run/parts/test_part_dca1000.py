@@ -14,15 +14,7 @@ from hil.run.parts.dca1000 import Dca1000Part, Settings, make
 from signals.errors import ConfigError
 from signals.samples import RadarSample
 from sim.radar.dca1000 import frame_words
-from sim.sensors.catalog import PRESETS
-from sim.sensors.radar_parameters import RadarParameters
-
-
-def preset(name: str) -> RadarParameters:
-    p = PRESETS[name].parameters
-    assert isinstance(p, RadarParameters)
-    return p
-
+from tests.worlds.radar_presets import preset
 
 P = preset("iwr6843isk")
 RAW = np.random.default_rng(1).integers(0, 65536, P.raw_shape).astype(np.uint16)

@@ -6,26 +6,18 @@ import math
 
 import numpy as np
 
-from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import Stall
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.tail import Tail, nose_is_lowered
 from hil.run.verdict.vtol_flight import VtolMeasurement
-from signals.mission import MissionItem
 from signals.samples import Quat, TruthState, Vec3
 from sim.physics.vehicle import load_vehicle
+from tests.unit.hil.run.verdict.test_vtol_flight import ITEMS, LEGS
 
 STEP_NS = 100_000_000
 STALL_MPS = 10.0
-LEGS = [
-    Leg(LegKind.CLIMB, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 30.0)),
-    Leg(LegKind.FLY, 1, (0.0, 0.0, 30.0), (400.0, 0.0, 30.0)),
-    Leg(LegKind.APPROACH, 2, (400.0, 0.0, 30.0), (800.0, 0.0, 30.0)),
-    Leg(LegKind.DESCENT, 2, (800.0, 0.0, 30.0), (800.0, 0.0, 0.0)),
-]
-ITEMS = [MissionItem(seq, 3, command, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 30.0) for seq, command in enumerate((84, 16, 85))]
 STILL: Vec3 = (0.0, 0.0, 0.0)
 
 
