@@ -250,7 +250,7 @@ def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: 
 
 @pytest.mark.parametrize("suffix", [".pt", "_state.pt"])
 def test_a_share_needs_weights_that_fit_the_whole_network(pictures: list[Picture], tmp_path: Path, suffix: str) -> None:
-    """What does not fit would have a share of random numbers. Without a share, parts are welcome."""
+    """A part that does not fit would have a share of random numbers. Without a share, parts are welcome."""
 
     def training_of(share: float, classes: tuple[str, ...] = ()) -> train.Training:
         settings = train.Settings(**{**QUICK, "start_share": share})
