@@ -79,7 +79,8 @@ def with_heads_of(start: StartWeights, classes: Sequence[str], current: Mapping[
     source = [start.classes.index(name) if name in start.classes else -1 for name in classes]
     source += list(range(len(start.classes), old))  # the box
     for name, value in start.tensors.items():
-        if name.startswith("heads.") and name in current and value.shape[0] % old == 0 and name.split(".")[2] == "1":
+        is_last_of_head = name.startswith("heads.") and name.split(".")[2] == "1"
+        if is_last_of_head and name in current and value.ndim and value.shape[0] % old == 0:
             rows = value.reshape(-1, old, *value.shape[1:])
             ordered = current[name].clone().reshape(-1, new, *value.shape[1:])
             known = [i for i, k in enumerate(source) if k >= 0]

@@ -27,7 +27,7 @@ from hil.apps.detect.pictures import Picture, class_counts
 from hil.apps.detect.training.assign import Assigner
 from hil.apps.detect.training.augment import Augmenter, Strength
 from hil.apps.detect.training.batches import Batch, Batches, blob_of
-from hil.apps.detect.training.export import between
+from hil.apps.detect.training.export import between, folded
 from hil.apps.detect.training.layout import LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
 from hil.apps.detect.training.model import SsdLite, by_anchor
@@ -154,6 +154,7 @@ class Training:
         self._optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
         self._epochs_done = 0
         self._start: nn.Module | None = None
+        self._start_digest = ""  # of the file's tensors
         augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
         self.batches = Batches(augmenter, self._assigner, pictures, size=settings.batch, seed=settings.seed)
         # The last epochs use weak augmentation, so that the statistics match those of recorded pictures.
@@ -180,7 +181,8 @@ class Training:
     def load_weights(self, path: Path) -> tuple[int, int]:
         """Start from the weights in a file, as far as names and shapes agree; heads are matched by class.
 
-        Returns the number of tensors loaded and the number in the file. Raises ConfigError if none fits.
+        Returns the number of tensors loaded and the number in the file. Raises ConfigError if none fits, or if the
+        result is to have a share of them and some of this network's are not among them: these would be random numbers.
         """
         start = read_start_weights(path)
         current = self.model.state_dict()
@@ -191,6 +193,14 @@ class Training:
         if not fitting:
             hint = f"give a {CHECKPOINT} or a .pt of `hil detect train`, or a state_dict of its model"
             raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
+        if self.settings.start_share:
+            needed = normalisation_renamed(self.model, folded(self.model).state_dict()) if start.folded else current
+            missing = [name for name in needed if name not in fitting]
+            new = [name for name in self.classes if name not in start.classes] if start.classes else []
+            if missing or new:
+                hint = "use --keep-classes, or leave out --start-share" if new else "leave out --start-share"
+                lacks = f"classes {', '.join(new)}" if new else f"{len(missing)} of the network's {len(needed)} tensors"
+                raise ConfigError([Problem("--start-share", f"needs whole weights: {path} does not fit {lacks}", hint)])
         self.model.load_state_dict({**current, **fitting})
         if start.folded:
             count = min(_STATISTICS_PICTURES, len(self._store))
@@ -198,6 +208,7 @@ class Training:
             set_statistics(self.model, blob_of([self._store.rgb(i) for i in numbers]))
         self._averaged = WeightAverage(self.model, self.settings.average_decay)
         self._start = copy.deepcopy(self.model)
+        self._start_digest = digest_of(start.tensors)
         return len(fitting), len(state)
 
     def resume(self) -> bool:
@@ -218,6 +229,10 @@ class Training:
             if data.get(key) != value:
                 hint = "choose another folder, or leave out --resume"
                 raise ConfigError([Problem(str(path), f"is of a training with other {key}", hint)])
+        # Without a share the checkpoint's weights replace those of the start.
+        if self.settings.start_share and data.get("start") != self._start_digest:
+            hint = "give the --weights from which it started"
+            raise ConfigError([Problem(str(path), "is of a training that started from other weights", hint)])
         self.model.load_state_dict(data["model"])
         self._averaged.model.load_state_dict(data["average"])
         self._averaged.steps = int(data["steps"])
@@ -296,6 +311,7 @@ class Training:
         data = {
             "settings": asdict(self.settings),
             "classes": list(self.classes),
+            "start": self._start_digest,
             "epoch": self._epochs_done,
             "model": self.model.state_dict(),
             "average": self.averaged.state_dict(),

@@ -236,6 +236,43 @@ def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: 
     again.load_weights(tmp_path / "net.pt")
     assert again.resume()
     assert again.weights_digest() == shared.weights_digest() != without.weights_digest()
+    # One from other weights is refused; without a share they would have no part in the result.
+    torch.save(first.model.state_dict(), tmp_path / "others.pt")
+    for stopped in (shared, without):
+        other = train.Training(pictures, [], stopped.settings, out=stopped.out)
+        other.load_weights(tmp_path / "others.pt")
+        if stopped is without:
+            assert other.resume()
+            continue
+        with pytest.raises(ConfigError, match=r"started from other weights .*--weights from which it started"):
+            other.resume()
+
+
+@pytest.mark.parametrize("suffix", [".pt", "_state.pt"])
+def test_a_share_needs_weights_that_fit_the_whole_network(pictures: list[Picture], tmp_path: Path, suffix: str) -> None:
+    """A part that does not fit would have a share of random numbers. Without a share, parts are welcome."""
+
+    def training_of(share: float, classes: tuple[str, ...] = ()) -> train.Training:
+        settings = train.Settings(**{**QUICK, "start_share": share})
+        return train.Training(pictures, [], settings, out=tmp_path / "out", classes=classes)
+
+    first = training_of(0.0)
+    export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
+    torch.save({"average": first.averaged.state_dict(), "classes": list(first.classes)}, tmp_path / "net_state.pt")
+    path = tmp_path / f"net{suffix}"
+    assert len(set(training_of(0.5).load_weights(path))) == 1
+    assert training_of(0.5, first.classes[1:]).load_weights(path)[0] > 50  # fewer classes are all known
+    more = (*first.classes, "unicorn")
+    with pytest.raises(ConfigError, match=r"--start-share: needs whole weights: .*does not fit classes unicorn"):
+        training_of(0.5, more).load_weights(path)
+    assert training_of(0.0, more).load_weights(path)[0] > 50
+    # A head of other anchors does not fit.
+    if suffix == "_state.pt":
+        state = {**first.averaged.state_dict(), "heads.0.1.weight": torch.zeros(1, 48, 1, 1)}
+        torch.save({"average": state, "classes": list(first.classes)}, path)
+        with pytest.raises(ConfigError, match="does not fit 1 of the network's "):
+            training_of(0.5).load_weights(path)
+        assert training_of(0.0).load_weights(path)[0] > 50
 
 
 def test_a_share_needs_weights_to_start_from(tmp_path: Path) -> None:
