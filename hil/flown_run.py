@@ -100,7 +100,7 @@ class Run:
 
 
 def unread_reasons(run: Run) -> list[str]:
-    """Return the reasons of a FAIL that the test cannot know: it read the verdict neither of the run nor of the vehicle.
+    """Return the reasons of a FAIL whose verdict the test did not read, of the run or of the vehicle concerned.
 
     Measurements are no verdict: a flight that stops at its second waypoint has a small cross-track error.
     """

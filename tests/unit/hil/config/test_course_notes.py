@@ -128,3 +128,18 @@ def test_a_climb_leads_straight_up_and_a_return_is_left_out(tmp_path: Path) -> N
     lat, lon = OVER
     rows = [UP.format(lat=lat, lon=f"{lon:.8f}", up=3), "2\t0\t2\t20\t0\t0\t0\t0\t0\t0\t0\t1"]
     assert notes_of(tmp_path, *rows) == []
+
+
+def test_waypoints_that_may_be_passed_by_are_told(tmp_path: Path) -> None:
+    rows = [line.split("\t") for line in Path("rigs/missions/square.waypoints").read_text().splitlines()]
+    for row in rows[5:8]:
+        row[5] = "1e9"
+    path = tmp_path / "wide.waypoints"
+    path.write_text("\n".join("\t".join(row) for row in rows) + "\n")
+    told = (
+        f"{path}:6: item 4: its acceptance radius of 1e+09 m is more than half of the 20.0 m to it, so an autopilot "
+        "may pass it by: it counts within 10 m; 2 more such waypoints"
+    )
+    for command in (["check", "--mission", str(path)], ["run", "--mission", str(path), "--set", "duration_s=1"]):
+        out = [] if command[0] == "check" else ["--out", str(tmp_path / "run")]
+        assert told in " ".join(CliRunner().invoke(app, [*command, *out]).output.split())
