@@ -11,6 +11,7 @@ from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
 from hil.run.sensors.frame_stages import stage_specs
+from signals.words import counted
 from sim.world_loader import load_world
 
 
@@ -27,7 +28,7 @@ def check_bench(choice: BenchChoice) -> str:
         return "\n".join([f"ok: {_facts(bench)}", *notes])
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
     notes += [f"  note: {name}: {note}" for name, each in bench.vehicles.items() for note in _notes(each)]
-    return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines, *notes])
+    return "\n".join([f"ok: {counted(len(lines), 'vehicle')} in one world", *lines, *notes])
 
 
 def _notes(bench: Bench) -> list[str]:
@@ -41,7 +42,7 @@ def _facts(bench: Bench) -> str:
     c = bench.config
     mission_text = "no mission"
     if bench.mission is not None:
-        mission_text = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
+        mission_text = counted(len(waypoint_legs(planned_path(bench.mission, bench.scene))), "waypoint")
     if bench.script is not None:
-        mission_text += f", {len(bench.script.script.actions)} actions"
+        mission_text += f", {counted(len(bench.script.script.actions), 'action')}"
     return f"rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"

@@ -88,7 +88,7 @@ def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
     )
     said = io.StringIO()
     assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
-    assert "warning: 1 cases did not meet a fault or gust that they declare, such as " in said.getvalue()
+    assert "warning: 1 case did not meet a declared fault or gust, such as " in said.getvalue()
     assert "gust at 300 s never began: the flight ended at" in said.getvalue()
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1
     assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 1
