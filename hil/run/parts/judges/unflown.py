@@ -27,8 +27,8 @@ NO_PLAN = "nothing was flown: the vehicle never left its start; have the script 
 ANY_OUTCOME = "nothing was flown: the vehicle never left its start, and the script takes that (outcome: any)"
 NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it never began"
 OUT_OF_TIME = (
-    "the run ended at duration_s with the vehicle in the air, and the script takes that as an aborted mission; one that "
-    "is only too long for duration_s looks the same"
+    "the run ended at duration_s with the vehicle in the air, and the script takes that as an aborted mission; one "
+    "that is only too long for duration_s looks the same"
 )
 
 
