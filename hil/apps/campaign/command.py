@@ -194,7 +194,7 @@ def _print_result(campaign: Campaign, summary: Summary, console: Console) -> Non
         console.print(f"stopped early: {campaign.stopped}")
     if campaign.not_compared:
         console.print(
-            f"warning: {counted(campaign.not_compared, 'second flight')} could not be made; --resume makes them"
+            f"warning: {counted(campaign.not_compared, 'second flight')} could not be made; --resume flies the rest"
         )
     if summary.unmet:
         text = f"warning: {counted(summary.unmet, 'case')} did not meet a declared fault or gust, such as"

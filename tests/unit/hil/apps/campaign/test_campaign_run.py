@@ -103,7 +103,7 @@ def test_second_flights_that_could_not_be_made_are_told(
     monkeypatch.setattr(Campaign, "_compare", lambda self, job, _: compare(self, job, lost))
     said = io.StringIO()
     run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300))
-    assert "warning: 1 second flights could not be made; --resume makes them" in said.getvalue()
+    assert "warning: 1 second flight could not be made; --resume flies the rest" in said.getvalue()
 
 
 def test_a_trial_flight_that_is_an_error_fails_the_dry_run(spec: Path, tmp_path: Path) -> None:
