@@ -158,8 +158,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     name, features = _rig_of(item)
     missing = [feature for feature in dict.fromkeys(required) if feature not in features]
     if missing:
+        from signals.documents.validate import nearest
+
         present = ", ".join(sorted(features)) or "nothing"
-        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}; it has: {present}")
+        hints = [f" ({hint})" for feature in missing if (hint := nearest(feature, sorted(features), listed=False))]
+        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}{''.join(hints)}; it has: {present}")
 
 
 @pytest.hookimpl(wrapper=True)

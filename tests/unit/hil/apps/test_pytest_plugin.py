@@ -230,12 +230,16 @@ def test_features_decide_what_is_skipped(project: pytest.Pytester) -> None:
     @pytest.mark.hil_feature("gps")
     @pytest.mark.hil_feature("jtag", "optical_flow")
     def test_has_not(): raise AssertionError
+
+    @pytest.mark.hil_feature("barro")
+    def test_misspelt(): raise AssertionError
     """
     result = fly(project, dedent(test), "-rs", "--strict-markers")
-    result.assert_outcomes(passed=1, skipped=1)
+    result.assert_outcomes(passed=1, skipped=2)
+    result.stdout.fnmatch_lines(["*rig 'mock' has no barro (did you mean 'baro'?); it has: *"])
     result.stdout.fnmatch_lines(["*rig 'mock' has no jtag and no optical_flow; it has: baro, *"])
     result = fly(project, dedent(test), "--hil-set", "features=[jtag, optical_flow]")
-    result.assert_outcomes(passed=1, failed=1)
+    result.assert_outcomes(passed=1, failed=1, skipped=1)
 
 
 def test_the_command_line_wins(project: pytest.Pytester) -> None:
