@@ -15,7 +15,8 @@ HEALTH = {
     "lost_frames": "frames of the autopilot that never arrived",
     "late": "samples or replies that came too late",
     "estimator_reset": "resets of the autopilot's estimator in the air",
-    "crash": "a crash that the test did not look at, by run.passed, run.status or run.reasons",
+    "fail": "a FAIL whose verdict the test did not read, by run.passed, run.status or run.reasons",
+    "crash": "a FAIL with a crash whose verdict the test did not read",
     "error": "an ERROR: the bench could not finish the flight",
 }
 _GROUND_STATION = 255
@@ -39,7 +40,7 @@ class Run:
 
     json: dict[str, Any]
     out: Path
-    looked_at: list[str] = field(default_factory=list, compare=False)  # what the test has asked of the verdict
+    verdict_reads: list[str] = field(default_factory=list, compare=False)  # what the test has asked of the verdict
 
     def __repr__(self) -> str:
         return f"<Run {self.json['status']}, seed {self.seed}, digest {self.digest[:8]}, {self.out}>"
@@ -47,7 +48,7 @@ class Run:
     @property
     def status(self) -> str:
         """PASS, FAIL or ERROR."""
-        self.looked_at.append("status")
+        self.verdict_reads.append("status")
         return str(self.json["status"])
 
     @property
@@ -58,7 +59,7 @@ class Run:
     @property
     def reasons(self) -> list[str]:
         """The limits that were not met, in words; empty for a PASS."""
-        self.looked_at.append("reasons")
+        self.verdict_reads.append("reasons")
         return list(self.json["verdict"]["reasons"])
 
     @property
@@ -80,16 +81,14 @@ class Run:
     def vehicles(self) -> dict[str, Run]:
         """The flights of the vehicles by name; empty for a bench without the section `vehicles`."""
         folders = {name: self.out / vehicle["folder"] for name, vehicle in self.json.get("vehicles", {}).items()}
-        return {
-            name: Run(json.loads((out / "run.json").read_text()), out, self.looked_at) for name, out in folders.items()
-        }
+        return {name: Run(json.loads((out / "run.json").read_text()), out) for name, out in folders.items()}
 
     def __getattr__(self, name: str) -> Any:
         """Return a measurement or an entry of run.json's mission, such as `run.max_cross_track_m` or `run.completed`.
 
         Raises AttributeError for an unknown name, AssertionError if the flight did not yield it.
         """
-        if name.startswith("__") or name in ("json", "out", "looked_at"):
+        if name.startswith("__") or name in ("json", "out", "verdict_reads"):
             raise AttributeError(name)
         values = self.measurements | self.json["mission"]
         if name not in values:
@@ -100,14 +99,27 @@ class Run:
         return values[name]
 
 
-def unseen_crashes(run: Run) -> int:
-    """Return the number of crashes among the reasons of a FAIL, 0 if the test has looked at the verdict."""
-    return 0 if run.looked_at else sum("crashed: " in reason for reason in run.json["verdict"]["reasons"])
+def unread_reasons(run: Run) -> list[str]:
+    """Return the reasons of a FAIL whose verdict the test did not read, of the run or of the vehicle concerned.
+
+    Measurements are no verdict: a flight that stops at its second waypoint has a small cross-track error.
+    """
+    if run.json["status"] != "FAIL" or run.verdict_reads:
+        return []
+    known = tuple(f"{name}: " for name, vehicle in run.vehicles.items() if vehicle.verdict_reads)
+    return [reason for reason in run.json["verdict"]["reasons"] if not reason.startswith(known)]
+
+
+def verdict_health(run: Run) -> dict[str, int]:
+    """Return the number of occurrences of the items of `HEALTH` that concern the verdict of a flight."""
+    unread = unread_reasons(run)
+    crashes = sum("crashed: " in reason for reason in unread)
+    return {"fail": int(bool(unread) and not crashes), "crash": crashes, "error": int(run.json["status"] == "ERROR")}
 
 
 def health(run: Run) -> dict[str, int]:
     """Return the number of occurrences of each item of `HEALTH` in a flight, of all vehicles together."""
-    own = {"crash": unseen_crashes(run), "error": int(run.json["status"] == "ERROR")}
+    own = verdict_health(run)
     if "vehicles" in run.json:
         found = [health(vehicle) for vehicle in run.vehicles.values()]
         return {name: sum(counts[name] for counts in found) for name in HEALTH} | own

@@ -7,10 +7,10 @@
         assert run.passed, run.reasons
         assert run.max_cross_track_m < 1.0
 
-A test fails, even if its own assertions hold, if one of its flights was not clean: a CRC error, bytes that belong to no
-frame, a dropped frame, a late sample, an estimator reset in the air, or a crash at which the test did not look. A
-flight that ends as ERROR raises `BenchError` at once. `@pytest.mark.hil_allow("late")` declares what a test expects;
-the names are those of `HEALTH`.
+A test fails, even if its own assertions hold, if one of its flights is a FAIL whose verdict the test did not read, or
+was not clean: a CRC error, bytes that belong to no frame, a dropped frame, a late sample, or an estimator reset in the
+air. A flight that ends as ERROR raises `BenchError` at once. `@pytest.mark.hil_allow("late")` declares what a test
+expects; the names are those of `HEALTH`.
 
 The files of a flight (run.json, recordings, and a bench.yaml that repeats it) are kept under `--hil-artifacts` if the
 test failed, and removed if it passed. JUnit files contain each flight's digest, rig, seed and verdict.
@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.flown_run import HEALTH, BenchError, Run, health, unseen_crashes
+from hil.flown_run import HEALTH, BenchError, Run, health, unread_reasons, verdict_health
 
 if TYPE_CHECKING:
     from firmware_bridge.devices.mock_bus import MockDesk, MockHid, MockSerialPorts, MockUsbBus
@@ -37,9 +37,13 @@ if TYPE_CHECKING:
 _MARKERS = (
     "rig(name): the rig to fly on; --hil-rig takes precedence",
     "hil_feature(name, ...): skip the test if the rig has no such hardware feature or sensor",
-    f"hil_allow(name, ...): link faults that a flight may show: {', '.join(HEALTH)}",
+    f"hil_allow(name, ...): findings that do not fail the test: {', '.join(HEALTH)}",
 )
 _NAME_LIMIT = 100
+_ACCEPT = (
+    'to judge a verdict: assert run.passed, run.reasons, or for an expected FAIL: assert run.status == "FAIL"\n'
+    'to accept a finding: @pytest.mark.hil_allow("fail", "late", ...)'
+)
 
 
 @dataclass(repr=False)
@@ -100,18 +104,23 @@ class Rig:
             raise BenchError(run)
         return run
 
-    def link_faults(self) -> list[str]:
-        """Return one line per flight and kind of link fault that the test does not allow."""
+    def findings(self) -> list[str]:
+        """Return one line per flight and item of `HEALTH` that the test does not allow."""
         lines = []
         for number, run in enumerate(self.runs, start=1):
             prefix = f"run {number}: " if len(self.runs) > 1 else ""
-            # A lost vehicle may crash in a group that passes, so the group tells its crashes itself.
-            found = {f"{name}: ": health(vehicle) | {"crash": 0} for name, vehicle in run.vehicles.items()}
-            found[""] = {"crash": unseen_crashes(run)} if found else health(run)
+            # A lost vehicle may fail in a group that passes, so the verdict is the group's.
+            verdict = verdict_health(run)
+            link = dict.fromkeys(verdict, 0)
+            found = {f"{name}: ": health(vehicle) | link for name, vehicle in run.vehicles.items()}
+            found[""] = verdict if found else health(run)
             for name, counts in found.items():
-                for fault, count in counts.items():
-                    if count and fault not in self.allowed:
-                        lines.append(f"{prefix}{name}{fault}: {count} ({HEALTH[fault]})")
+                for finding, count in counts.items():
+                    if not count or finding in self.allowed:
+                        continue
+                    lines.append(f"{prefix}{name}{finding}: {count} ({HEALTH[finding]})")
+                    if finding in verdict:
+                        lines += [f"  {reason}" for reason in unread_reasons(run)] + [f"  the run is in {run.out}"]
         return lines
 
 
@@ -149,8 +158,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     name, features = _rig_of(item)
     missing = [feature for feature in dict.fromkeys(required) if feature not in features]
     if missing:
+        from signals.documents.validate import nearest
+
         present = ", ".join(sorted(features)) or "nothing"
-        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}; it has: {present}")
+        hints = [f" ({hint})" for feature in missing if (hint := nearest(feature, sorted(features), listed=False))]
+        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}{''.join(hints)}; it has: {present}")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -159,11 +171,10 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     outcome = yield
     rig = item.stash.get(_RIG, None)
     if rig is not None:
-        faults = rig.link_faults()
-        if faults:
-            lines = "\n".join(f"  {line}" for line in faults)
-            allow = 'allow expected faults with @pytest.mark.hil_allow("late", ...)'
-            pytest.fail(f"the flight was not clean:\n{lines}\n{allow}", pytrace=False)
+        findings = rig.findings()
+        if findings:
+            lines = "\n".join(f"  {line}" for line in findings)
+            pytest.fail(f"the flight was not clean:\n{lines}\n{_ACCEPT}", pytrace=False)
     return outcome
 
 

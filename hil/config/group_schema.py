@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from hil.config.limit_values import DistanceLimit
 from signals.documents.validate import Section
 
 Offset = Annotated[float, Field(ge=-10_000, le=10_000)]
@@ -22,7 +23,7 @@ class Formation(Section):
     spacing_m: Annotated[float, Field(gt=0, le=1000)] = 5.0  # between neighbours, along each axis of the formation
     heading_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0  # counter-clockwise from east
     offsets_m: dict[str, tuple[Offset, Offset, Offset]] = Field(default_factory=dict)  # in W; replaces the shape's
-    max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # greatest distance of a vehicle from its place
+    max_error_m: DistanceLimit | None = 2.0  # greatest distance of a vehicle from its place
 
 
 class Group(Section):

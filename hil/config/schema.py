@@ -22,6 +22,15 @@ from firmware_bridge.ground_station.modes import plain_word
 from firmware_bridge.router.endpoint import Endpoint
 from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.group_schema import Formation, Group, Offset
+from hil.config.limit_values import (
+    AngleLimit,
+    DistanceLimit,
+    DistanceLimitOrZero,
+    RollLimit,
+    SpeedLimit,
+    TimeLimit,
+    TimeLimitOrZero,
+)
 from signals.documents.validate import Section, nearest
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -292,11 +301,11 @@ class DatasetSettings(Section):
 class Limits(Section):
     """Limits that a flight must meet to PASS; null: measured but not judged. Definitions: hil/run/verdict."""
 
-    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 1.0
-    final_error_m: Annotated[float, Field(gt=0)] | None = 0.7
-    altitude_error_m: Annotated[float, Field(gt=0)] | None = 0.5
-    landing_speed_mps: Annotated[float, Field(gt=0)] | None = 2.0
-    landed_tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 30.0
+    max_cross_track_m: DistanceLimit | None = 1.0
+    final_error_m: DistanceLimit | None = 0.7
+    altitude_error_m: DistanceLimit | None = 0.5
+    landing_speed_mps: SpeedLimit | None = 2.0
+    landed_tilt_deg: AngleLimit | None = 30.0
 
 
 class PlaneLimits(Section):
@@ -305,21 +314,21 @@ class PlaneLimits(Section):
     Definitions: hil/run/verdict/plane_flight.py.
     """
 
-    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 25.0  # from the path that a plane can fly
-    altitude_error_m: Annotated[float, Field(gt=0)] | None = 8.0  # on level legs
+    max_cross_track_m: DistanceLimit | None = 25.0  # from the path that a plane can fly
+    altitude_error_m: DistanceLimit | None = 8.0  # on level legs
     airspeed_margin: Annotated[float, Field(gt=0)] | None = 1.1  # least airspeed over the stall at the load of the bank
-    stalled_s: Annotated[float, Field(ge=0)] | None = 0.5  # beyond the stall's angle of attack
-    max_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0
-    loiter_error_m: Annotated[float, Field(gt=0)] | None = 15.0
-    touchdown_sink_mps: Annotated[float, Field(gt=0)] | None = 2.0
-    touchdown_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 10.0
-    touchdown_offset_m: Annotated[float, Field(gt=0)] | None = 6.0  # from the line of the approach
-    touchdown_error_m: Annotated[float, Field(gt=0)] | None = 100.0  # from the planned point along that line
-    final_error_m: Annotated[float, Field(gt=0)] | None = None
-    takeoff_roll_m: Annotated[float, Field(gt=0)] | None = None  # on wheels, on the runway of the scene, as the next
-    landing_roll_m: Annotated[float, Field(gt=0)] | None = None
-    centre_line_m: Annotated[float, Field(gt=0)] | None = 5.0  # from the centre line of the runway while it rolls
-    off_runway_m: Annotated[float, Field(ge=0)] | None = 0.0  # outside the runway while it touches the ground
+    stalled_s: TimeLimitOrZero | None = 0.5  # beyond the stall's angle of attack
+    max_bank_deg: AngleLimit | None = 60.0
+    loiter_error_m: DistanceLimit | None = 15.0
+    touchdown_sink_mps: SpeedLimit | None = 2.0
+    touchdown_bank_deg: AngleLimit | None = 10.0
+    touchdown_offset_m: DistanceLimit | None = 6.0  # from the line of the approach
+    touchdown_error_m: DistanceLimit | None = 100.0  # from the planned point along that line
+    final_error_m: DistanceLimit | None = None
+    takeoff_roll_m: RollLimit | None = None  # on wheels, on the runway of the scene, as the next
+    landing_roll_m: RollLimit | None = None
+    centre_line_m: DistanceLimit | None = 5.0  # from the centre line of the runway while it rolls
+    off_runway_m: DistanceLimitOrZero | None = 0.0  # outside the runway while it touches the ground
 
 
 class VtolLimits(Section):
@@ -328,16 +337,16 @@ class VtolLimits(Section):
     Definition: hil/run/verdict/vtol_flight.py.
     """
 
-    transition_loss_m: Annotated[float, Field(gt=0)] | None = 5.0  # of height, in a transition
+    transition_loss_m: DistanceLimit | None = 5.0  # of height, in a transition
 
 
 class Crash(Section):
     """A crash ends the flight as FAIL; null: not a sign of one. Definitions: hil/run/parts/judges/crash.py."""
 
-    impact_mps: Annotated[float, Field(gt=0)] | None = 6.0
-    tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0
-    rest_s: Annotated[float, Field(gt=0)] | None = 10.0
-    touch_m: Annotated[float, Field(gt=0)] | None = 2.0  # the flight goes on, as FAIL: hil/run/parts/judges/touch.py
+    impact_mps: SpeedLimit | None = 6.0
+    tilt_deg: AngleLimit | None = 60.0
+    rest_s: TimeLimit | None = 10.0
+    touch_m: DistanceLimit | None = 2.0  # the flight goes on, as FAIL: hil/run/parts/judges/touch.py
 
 
 class FailsafeExpected(Section):
@@ -382,9 +391,11 @@ class Goal(Section):
 
     p_W: tuple[Coordinate, Coordinate, Coordinate]  # [m]; z is the height of the flight
     outcome: str = "goal"  # expected report of the client; another one if the goal cannot be reached
-    within_m: Annotated[float, Field(gt=0)] | None = 1.5
+    within_m: DistanceLimit | None = 1.5
     min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # between the vehicle and any geometry
-    max_path_ratio: Annotated[float, Field(ge=1)] | None = 1.35  # flown length over the shortest path on the full map
+    max_path_ratio: Annotated[float, Field(ge=1, lt=100)] | None = (
+        1.35  # flown length over the shortest path on the full map
+    )
 
 
 class Search(Section):
@@ -395,9 +406,9 @@ class Search(Section):
     visible_px: Annotated[int, Field(ge=1)] = 64  # pixels of an object that make it visible in a sample
     visible_samples: Annotated[int, Field(ge=1)] = 4  # with that many pixels, of four samples a second
     gate_m: Annotated[float, Field(gt=0, le=100)] = 4.0  # a report farther from every object is false
-    min_found_share: Annotated[float, Field(ge=0, le=1)] | None = 0.9  # of the visible objects
-    max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # median, horizontal
-    max_worst_error_m: Annotated[float, Field(gt=0)] | None = None
+    min_found_share: Annotated[float, Field(gt=0, le=1)] | None = 0.9  # of the visible objects
+    max_error_m: DistanceLimit | None = 2.0  # median, horizontal
+    max_worst_error_m: DistanceLimit | None = None
     max_false: Annotated[int, Field(ge=0)] | None = None
     max_doubles: Annotated[int, Field(ge=0)] | None = None  # further reports of objects that already have one
     count_duplicates: bool = False  # a second report of one object is false too

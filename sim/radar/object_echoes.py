@@ -71,8 +71,6 @@ class ObjectEchoes:
         self._blades = RotorBlades(world)
         # Passed for the radial velocity, so that the kernel returns the pixel of each echo in its place.
         self._pixel = np.arange(camera.width * camera.height, dtype=np.float32).reshape(camera.height, camera.width)
-        rays_C = np.ascontiguousarray(camera.rays()).reshape(-1, 3)
-        self._direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
 
     def find(self, picture: Mapping[str, NDArray[Any]], pose: CameraPose) -> list[ObjectEcho]:
         """Return the objects by rising instance id."""
@@ -84,7 +82,7 @@ class ObjectEchoes:
         speed_mps = echoes.speed_mps.copy()
         speed_mps[:of_pixels] = picture["radial_velocity"].reshape(-1)[pixel]
         # A corner reflector's echo has no pixel of its own: it belongs to the object seen in its direction.
-        corners = [int(np.argmax(self._direction_R @ d_R)) for d_R in echoes.direction_R[of_pixels:]]
+        corners = [int(np.argmax(self._scatterers.direction_R @ d_R)) for d_R in echoes.direction_R[of_pixels:]]
         instance = picture["instance"].reshape(-1)[[*pixel.tolist(), *corners] if corners else pixel]
 
         input_power = echoes.amplitude * echoes.amplitude

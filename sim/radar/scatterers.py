@@ -90,11 +90,11 @@ class Scatterers:
         self._max_range_m = _MAX_RANGE_M if mask.max_range_m is None else mask.max_range_m
         self._curves = reflection.curves(world.surfaces, chirp.center_frequency_hz)
         rays_C = np.ascontiguousarray(camera.rays()).reshape(-1, 3)
-        self._direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
+        self.direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
         pixels = len(rays_C)
 
-        inside = mask.in_window(self._direction_R)
-        share = antenna.share(self._direction_R)
+        inside = mask.in_window(self.direction_R)
+        share = antenna.share(self.direction_R)
         active = inside & (share >= PATTERN_FLOOR)
         if not active.any():
             cause = "the mask's windows of angles leave" if not inside.any() else "mask and antenna pattern leave"
@@ -111,7 +111,7 @@ class Scatterers:
         # The kernel treats a weight of 0 as a dropped pixel, so float weights must not underflow.
         weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
         self._blocks = _blocks(rays_C, weight)
-        self.direction_R, self.weight = self._direction_R, weight  # of each pixel
+        self.weight = weight  # of each pixel, as `direction_R`
         self._used = 0  # rows of echoes
         self._ways: Float64 | None = None  # directions in which they leave, where these matter
 
@@ -146,7 +146,7 @@ class Scatterers:
         out = self._out
         invalid, sky, nothing, unknown, far, classes, away, kept = collect_scatterers(
             self._blocks,
-            self._direction_R,
+            self.direction_R,
             self._curves,
             self._class_kept,
             self._max_range_m,
@@ -167,7 +167,7 @@ class Scatterers:
             )
         corners = self._corners.write(picture["range"], pose, out, kept) if pose is not None else 0
         self.last = ScattererReport(
-            len(self._direction_R),
+            len(self.direction_R),
             self._window,
             self._pattern,
             invalid,

@@ -41,7 +41,7 @@ FLOORS: dict[str, Sequence[str]] = {
             "companion formation multirotor_facts fixed_wing_facts",
             "bench scenes windsock",
         ),
-        *("sensors", "missions", "schema", "group_schema", "layers", "files params_file"),
+        *("sensors", "missions", "schema", "group_schema", "layers limit_values", "files params_file"),
     ),
 }
 SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them

@@ -27,6 +27,7 @@ from hil.run.report.run_folder import run_folder
 from hil.run.runs.progress import CountProgress, minutes
 from signals.errors import ConfigError, Problem
 from signals.processors import usable_processors
+from signals.words import counted
 
 _LONG_S = 2 * 86_400.0
 MANY = 100_000  # points that need --yes
@@ -155,7 +156,7 @@ def check_campaign(path: Path) -> str:
     problems = campaign_problems(plan, file)
     if problems:
         raise ConfigError(problems)
-    return f"ok: campaign of {len(plan):,} points, axes {', '.join(plan.axes) or 'none'}"
+    return f"ok: campaign of {counted(len(plan), 'point')}, axes {', '.join(plan.axes) or 'none'}"
 
 
 def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -> str:
@@ -172,10 +173,10 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
         outcome = fly(job)
     total_s = outcome.wall_s * max(1.0, len(plan) * (1.0 + file.spec.recheck) / workers)
     skipped = " before skip" if file.spec.skip else ""
-    console.print(f"{file.name}: {len(plan):,} points{skipped}, axes {', '.join(plan.axes) or 'none'}")
+    console.print(f"{file.name}: {counted(len(plan), 'point')}{skipped}, axes {', '.join(plan.axes) or 'none'}")
     console.print(f"one flight: {outcome.status}, {outcome.sim_s:.1f} s simulated, {outcome.wall_s:.2f} s wall clock")
     duration = minutes(total_s) if total_s < _LONG_S else f"{total_s / 86_400:,.0f} days"
-    console.print(f"estimate: {duration} with {workers} workers")
+    console.print(f"estimate: {duration} with {counted(workers, 'worker')}")
     for line in (outcome.error, *outcome.reasons):
         if line:
             console.print(f"  {line}")
@@ -186,14 +187,16 @@ def _print_result(campaign: Campaign, summary: Summary, console: Console) -> Non
     tally = summary.tally
     low, rate, high = tally.interval()
     counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR, {tally.flakes} FLAKE"
-    console.print(f"{campaign.file.name}: {tally.cases} cases: {counts}")
+    console.print(f"{campaign.file.name}: {counted(tally.cases, 'case')}: {counts}")
     if tally.judged:
         console.print(f"pass rate {rate:.3f}, between {low:.3f} and {high:.3f} (95 %)")
     if campaign.stopped:
         console.print(f"stopped early: {campaign.stopped}")
     if campaign.not_compared:
-        console.print(f"warning: {campaign.not_compared} second flights could not be made; --resume makes them")
+        console.print(
+            f"warning: {counted(campaign.not_compared, 'second flight')} could not be made; --resume flies the rest"
+        )
     if summary.unmet:
-        text = f"warning: {summary.unmet} cases did not meet a fault or gust that they declare, such as"
+        text = f"warning: {counted(summary.unmet, 'case')} did not meet a declared fault or gust, such as"
         console.print(f"{text} {summary.unmet_example}", markup=False)
     console.print(f"{campaign.out / PAGE_NAME}")

@@ -18,6 +18,7 @@ from hil.config.checks.course_notes import course_notes
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
+from signals.words import counted
 
 NO_OBJECTS = "warning: no picture has a labelled object: look where the camera points, and at the course (index.html)"
 _MAX_WORKERS = 1024
@@ -53,7 +54,7 @@ def run_dataset(
         except KeyboardInterrupt as interrupt:
             text = str(interrupt) or "stopped from the keyboard"
             raise RecordingError(f"{text}; everything written is kept. Continue with: --out {out} --resume") from None
-    text = f"{result.frames} frames in {result.wall_s:.1f} s: {result.frames / result.wall_s:.1f} frames/s"
+    text = f"{counted(result.frames, 'frame')} in {result.wall_s:.1f} s: {result.frames / result.wall_s:.1f} frames/s"
     if result.steady_frames_per_s:
         text += f", {result.steady_frames_per_s:.1f} frames/s after the first batch"
     if result.kept_batches:

@@ -35,6 +35,7 @@ from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_fold
 from hil.run.runs.progress import CountProgress, minutes
 from signals.classes import Classes
 from signals.processors import usable_processors
+from signals.words import counted
 
 
 class FrameProgress(CountProgress):
@@ -50,13 +51,13 @@ class FrameProgress(CountProgress):
         """Return frames, rate and time left. The rate is measured from the first batch on, so it excludes take-off."""
         if self._first is None:
             self._first = (now_s, done)
-            return f"{done} of {self._total} frames"
+            return f"{done} of {counted(self._total, 'frame')}"
         first_s, first_done = self._first
         rate = (done - first_done) / max(now_s - first_s, 1e-6)
         if rate <= 0.0:
-            return f"{done} of {self._total} frames"
+            return f"{done} of {counted(self._total, 'frame')}"
         left_s = (self._total - done) / rate
-        return f"{done} of {self._total} frames, {rate:.1f} frames/s, {minutes(left_s)} left"
+        return f"{done} of {counted(self._total, 'frame')}, {rate:.1f} frames/s, {minutes(left_s)} left"
 
 
 @dataclass(frozen=True)

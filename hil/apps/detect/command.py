@@ -16,6 +16,7 @@ from rich.table import Table
 from hil.config.companion.clients import make_client_importable
 from hil.run.report.run_folder import locked_folder
 from signals.errors import ConfigError, Problem, RecordingError
+from signals.words import counted
 
 if TYPE_CHECKING:
     from hil_companion.detect.model_file import ModelFile
@@ -116,7 +117,8 @@ def train_detector(
             console.print(f"nothing to resume in {out}: starting from the beginning", markup=False)
         left_out = ", ".join(f"{n} ({c})" for n, c in training.left_out.items())
         console.print(
-            f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}",
+            f"{counted(len(pictures), 'picture')}, {len(validation)} for validation; "
+            f"classes: {', '.join(training.classes)}",
             markup=False,
         )
         if left_out:
@@ -128,7 +130,7 @@ def train_detector(
         model = export.with_threshold(model, validation_result.threshold_for())
         test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None
         if test_result is not None:
-            _print_table(test_result, console, f"test, {len(test)} pictures")
+            _print_table(test_result, console, f"test, {counted(len(test), 'picture')}")
         record = {
             "settings": asdict(settings),
             "part": data.part,
@@ -206,7 +208,7 @@ def evaluate_detector(
         model = replace(model, score_threshold=threshold)
     pictures = data.read()
     result = _run_evaluation(model, pictures, backend, console, data.part, quiet=quiet)
-    _print_table(result, console, f"{data.part}, {len(pictures)} pictures")
+    _print_table(result, console, f"{data.part}, {counted(len(pictures), 'picture')}")
     if json_file is not None:
         _write_json(json_file, {"model": model.sha256, "backend": backend, **result.as_json()})
     return result

@@ -6,10 +6,12 @@ from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
 from hil.config.checks.course_notes import course_notes
 from hil.config.checks.intake_checks import intake_notes
+from hil.config.checks.radius_notes import radius_notes
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
 from hil.run.sensors.frame_stages import stage_specs
+from signals.words import counted
 from sim.world_loader import load_world
 
 
@@ -26,13 +28,13 @@ def check_bench(choice: BenchChoice) -> str:
         return "\n".join([f"ok: {_facts(bench)}", *notes])
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
     notes += [f"  note: {name}: {note}" for name, each in bench.vehicles.items() for note in _notes(each)]
-    return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines, *notes])
+    return "\n".join([f"ok: {counted(len(lines), 'vehicle')} in one world", *lines, *notes])
 
 
 def _notes(bench: Bench) -> list[str]:
     """Return what the autopilot takes otherwise than the bench and the mission state, and what is in its way."""
     mission = bench.mission.notes if bench.mission is not None else ()
-    return [*mission, *course_notes(bench), *intake_notes(bench.config)]
+    return [*mission, *radius_notes(bench), *course_notes(bench), *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:
@@ -40,7 +42,7 @@ def _facts(bench: Bench) -> str:
     c = bench.config
     mission_text = "no mission"
     if bench.mission is not None:
-        mission_text = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
+        mission_text = counted(len(waypoint_legs(planned_path(bench.mission, bench.scene))), "waypoint")
     if bench.script is not None:
-        mission_text += f", {len(bench.script.script.actions)} actions"
+        mission_text += f", {counted(len(bench.script.script.actions), 'action')}"
     return f"rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"

@@ -10,6 +10,7 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.options import QuietOption, takes
+from signals.words import counted
 
 
 @dataclass(frozen=True)
@@ -46,4 +47,4 @@ def video(o: VideoCommandOptions) -> None:
     with exit_on_error():
         options = VideoOptions(o.view, o.vehicle, o.size, o.rate, o.speed, o.start, o.end)
         path, pictures = film_run(o.run_dir, o.out, options, progress)
-    console.print(f"{path}  {pictures} pictures", markup=False)
+    console.print(f"{path}  {counted(pictures, 'picture')}", markup=False)

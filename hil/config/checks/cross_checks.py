@@ -85,6 +85,10 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             report(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
         if not config.companion.flies:
             report(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
+        way_m, within_m = math.dist(config.start.p_W[:2], config.goal.p_W[:2]), config.goal.within_m
+        if within_m is not None and within_m >= way_m and config.goal.outcome == "goal":
+            message = f"is {within_m:g} m, and the start is {way_m:.1f} m from the goal: nothing would have to be flown"
+            report(("goal", "within_m"), message)
     if config.search is not None:
         if not config.companion.on:
             report(("search",), "needs a companion that searches", "companion: {start: [detect]}")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.autopilots.catalog import PROFILES
+from hil.config.checks.unit_checks import unit_problems
 from hil.config.checks.wing_checks import wing_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
@@ -21,7 +22,12 @@ _RANK_TOLERANCE = 1e-6  # of the greatest entry of each axis
 
 
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
-    """Report wings that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently."""
+    """Report wings that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently.
+
+    Before these come numbers that no aircraft has, from which the others follow.
+    """
+    if found := unit_problems(vehicle, file):
+        return found
     if vtol.is_vtol(vehicle):
         return wing_problems(vehicle, file) + _rotor_problems(vtol.hovering(vehicle), file)
     if fixed_wing.is_plane(vehicle):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
@@ -37,7 +38,11 @@ class LegKind(Enum):
 
 
 class Leg(NamedTuple):
-    """One straight line of a mission. `seq` is the item it ends at."""
+    """One straight line of a mission. `seq` is the item it ends at.
+
+    `acceptance_radius_m` is that within which its end counts as reached, at most half of its length (but no less than
+    the default): the vehicle would reach a greater one, and those of waypoints around it, without flying there.
+    """
 
     kind: LegKind
     seq: int
@@ -99,13 +104,24 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
         elif kind in TAKEOFF_COMMANDS or kind in WAYPOINT_COMMANDS:
             there = _place(item, frame, scene, here, home_W)
             leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
-            # Param 2 is the acceptance radius of a plain waypoint only.
-            radius_m = item.param2 if kind in (16, 82) and item.param2 > 0.0 else ACCEPTANCE_RADIUS_M
+            radius_m = min(named_radius_m(item) or ACCEPTANCE_RADIUS_M, _greatest_radius_m(legs, here, there))
             legs.append(Leg(leg_kind, item.seq, here, there, radius_m))
             here = there
     if endless_seq is not None:
         legs.append(Leg(LegKind.ENDLESS, endless_seq, here, here))
     return tuple(legs)
+
+
+def named_radius_m(item: MissionItem) -> float | None:
+    """Return the acceptance radius that an item names: param 2 of a plain waypoint."""
+    return item.param2 if item.command in (16, 82) and item.param2 > 0.0 else None
+
+
+def _greatest_radius_m(legs: Sequence[Leg], start_W: Vec3, end_W: Vec3) -> float:
+    """Return the greatest acceptance radius at the end of a leg; at a place again, that of the time before serves."""
+    length_m = math.dist(start_W[:2], end_W[:2])
+    before_m = legs[-1].acceptance_radius_m if legs and length_m <= ACCEPTANCE_RADIUS_M else 0.0
+    return max(ACCEPTANCE_RADIUS_M, 0.5 * length_m, before_m)
 
 
 def _flown_order(items: tuple[MissionItem, ...]) -> tuple[list[MissionItem], int | None]:

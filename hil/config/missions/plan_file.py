@@ -19,6 +19,7 @@ from signals.documents.document import Document, Place, shown_path
 from signals.documents.json_lines import read_json
 from signals.documents.validate import nearest, shown
 from signals.errors import Problem
+from signals.words import counted
 
 
 class _PlanReader:
@@ -186,5 +187,5 @@ def _left_out(document: Document) -> Iterator[str]:
         entries = [held.get(name) for name in lists] if isinstance(held, dict) else []
         count = sum(len(each) for each in entries if isinstance(each, list))
         if count:
-            things = f"{what or 'rally point'}{'s' if count > 1 else ''}"
-            yield f"{document.where((section,))}: {count} {things} of the plan not uploaded: nothing keeps to them here"
+            things = counted(count, what or "rally point")
+            yield f"{document.where((section,))}: {things} of the plan not uploaded: nothing keeps to them here"

@@ -176,6 +176,8 @@ MeasureName = Literal[
 ]
 _NEED_WINDOW = ("min_altitude_m", "hover_drift_m", "height_drift_m")
 _WHOLE_FLIGHT = ("flight_time_s", "time_to_complete_s")
+_SIGNED = ("max_climb_mps", "max_sink_mps", "min_altitude_m", "max_altitude_m")
+_MOST = {"deg": 180.0, "deg/s": 1e5, "m/s": 1e3, "m": 1e5, "s": _DAY_S}  # no flight measures more
 
 
 class Expectation(StrictModel):
@@ -196,6 +198,13 @@ class Expectation(StrictModel):
             raise ValueError(f"{self.measure} needs from_s and to_s")
         if self.measure in _WHOLE_FLIGHT and (self.from_s is not None or self.to_s is not None):
             raise ValueError(f"{self.measure} covers the whole flight: leave from_s and to_s out")
+        most = _MOST[self.unit]
+        if self.at_most is not None and self.at_most >= most:
+            raise ValueError(f"at_most {self.at_most:g} {self.unit} is met by any flight: write less than {most:g}")
+        if self.at_least is not None and self.at_least <= -most:
+            raise ValueError(f"at_least {self.at_least:g} {self.unit} is met by any flight: write more than {-most:g}")
+        if self.at_least is not None and self.at_least <= 0.0 and self.measure not in (*_SIGNED, *_WHOLE_FLIGHT):
+            raise ValueError(f"{self.measure} is at least 0 in any flight: give it another number")
         return self
 
     @property

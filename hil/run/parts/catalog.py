@@ -67,7 +67,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
-    ("judges.course", lambda bench: bench.mission is not None and not bench.scene.is_bare),
+    ("judges.course", lambda bench: bench.mission is not None),
     ("judges.flight", lambda bench: not is_plane(bench.vehicle) and not is_vtol(bench.vehicle)),
     ("judges.vtol_flight", lambda bench: is_vtol(bench.vehicle)),
     ("judges.plane_flight", lambda bench: is_plane(bench.vehicle)),

@@ -147,6 +147,18 @@ _MEASURES: dict[str, Callable[[TruthState, Vec3], float]] = {
 }
 
 
+def measured_on_ground(declared: Sequence[Measured]) -> list[str]:
+    """Describe the measurements with a limit whose window was over before the vehicle took off."""
+    return [
+        f"{m.expectation.label} was measured on the ground{_when(m)}: its limit says nothing of the flight"
+        for m in declared
+        if not (m.expectation.at_most is None and m.expectation.at_least is None)
+        and m.expectation.to_s is not None
+        and m.lift_off_s is not None
+        and m.expectation.to_s <= m.lift_off_s
+    ]
+
+
 def judge_script(declared: Sequence[Measured], records: Sequence[Record] = ()) -> Verdict:
     """Return the verdict on the measurements and actions of a script. A required action that never ran fails."""
     rows: list[Row] = []

@@ -3,9 +3,9 @@
 reached             Waypoints count in order. One is reached when the true position comes, horizontally, within the
                     greatest of its acceptance radius, the distance R tan(45 deg) + 20 m at which a fly-by turn begins,
                     and for a loiter 1.25 times its radius; or when the plane has passed it, within three times that
-                    distance, and flies on to another. Vertically within `altitude_error_m`, at least 10 m. What follows
-                    a loiter counts once its turns (but a quarter) or its time (but 2 s) have been flown, near its
-                    circle and in its direction
+                    distance, and flies on to another. Vertically within `altitude_error_m`, at least 10 m and at
+                    most the greater of 10 m and half of its height. What follows a loiter counts once its turns (but a
+                    quarter) or its time (but 2 s) have been flown, near its circle and in its direction
 max_cross_track_m   Greatest horizontal distance from the path that a plane can fly through the waypoints
                     (`flyable_path.py`), from the first waypoint reached to the last, and on the approach
 altitude_error_m    Greatest |z - planned z| on level legs that follow a level leg
@@ -214,11 +214,16 @@ class PlaneMeasurement:
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
-        near = self._near(stop, stop.leg, distance, along) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m
+        near = self._near(stop, stop.leg, distance, along) and self._level_with(stop.leg, p[2])
         if near and self.unflown_loiter() is None:
             self._reached += 1
             self._circling = False
             self._flown_turns, self._flown_s, self._loitered = 0.0, 0.0, False
+
+    def _level_with(self, leg: Leg, up_m: float) -> bool:
+        """Return True at the height of a waypoint: a wide limit of altitude error reaches half way down, no further."""
+        half_m = 0.5 * (leg.end_W[2] - (self._home_up or 0.0))
+        return abs(up_m - leg.end_W[2]) <= min(self._height_m, max(_REACH_HEIGHT_M, half_m))
 
     def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
         """Return True if a waypoint is reached, or passed: `along` counts past it along its leg."""

@@ -7,7 +7,8 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
                    the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
                    least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
-                   corner.
+                   corner. A margin above `UNJUDGED_M` reaches no further than half of the leg, a height above it no
+                   lower than half of the waypoint's height: the vehicle must have flown there.
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
@@ -117,11 +118,12 @@ class FlightMeasurement:
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
-        self._margin_m = max(
-            REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
-        )
-        self._height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
+        margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
+        height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
+        self._reaches_m = [_reach_m(leg, margin_m) for leg in self._fly_legs]
+        home_up_m = legs[0].start_W[2] if legs else 0.0
+        self._heights_m = [min(height_m, max(UNJUDGED_M, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
         self._settle_m = _settle_distances_m(self._fly_legs)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -157,7 +159,7 @@ class FlightMeasurement:
         fly = self._fly_legs
         legs = [fly[target]]
         for step in (-1, 1):
-            reach_m = fly[target].acceptance_radius_m + self._margin_m
+            reach_m = self._reaches_m[target]
             i, count, length_m = target + step, 0, 0.0
             while 0 <= i < len(fly) and count < WINDOW_LEGS and (length_m < reach_m if step < 0 else not count):
                 leg = fly[i]
@@ -165,7 +167,7 @@ class FlightMeasurement:
                     legs.append(leg)
                     count += 1
                     length_m += _length_m(leg)
-                    reach_m = max(reach_m, leg.acceptance_radius_m + self._margin_m)
+                    reach_m = max(reach_m, self._reaches_m[i])
                 i += step
         return tuple(legs)
 
@@ -216,8 +218,8 @@ class FlightMeasurement:
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
         leg = fly[target]
         dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
-        radius_m = leg.acceptance_radius_m + self._margin_m
-        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= self._height_m:
+        radius_m = self._reaches_m[target]
+        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= self._heights_m[target]:
             self._waypoint += 1
 
     def _settled(self, p_WB: Vec3) -> bool:
@@ -277,9 +279,9 @@ class FlightMeasurement:
         if self._fly_legs:
             names.add("max_cross_track_m")
         first = 0 if len(self._fly_legs) == 1 else 1
-        for leg, settle_m in zip(self._fly_legs[first:], self._settle_m[first:], strict=True):
-            # The count leaves a leg when it is within acceptance radius and margin of the end.
-            if _length_m(leg) - leg.acceptance_radius_m - self._margin_m > settle_m:
+        for i in range(first, len(self._fly_legs)):
+            # The count leaves a leg when it is within reach of the end.
+            if _length_m(self._fly_legs[i]) - self._reaches_m[i] > self._settle_m[i]:
                 names.add("altitude_error_m")
         return frozenset(names)
 
@@ -313,6 +315,12 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
             distances.append(math.inf)
             flown_level_m = 0.0
     return distances
+
+
+def _reach_m(leg: Leg, margin_m: float) -> float:
+    """Return the horizontal distance [m] from the end of a leg at which it counts as reached."""
+    radius_m = leg.acceptance_radius_m
+    return min(radius_m + margin_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg)))
 
 
 def _is_level(leg: Leg) -> bool:

@@ -30,6 +30,7 @@ from hil.run.report.run_json import write_run_json
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
+from signals.words import counted
 
 CAMPAIGNS = Path("campaigns")
 SHRUNK = "shrunk"  # folder of a campaign
@@ -191,7 +192,9 @@ def _print_shrunk(found: Shrunk, bench: Path | None, trials: Trials, path: Path,
             console.print(f"  {line}")
     for note in found.notes:
         console.print(f"note: {note}")
-    console.print(f"smallest failure: {found.outcome.reasons[0]} ({len(trials.asked)} trials, {trials.flown} flown)")
+    console.print(
+        f"smallest failure: {found.outcome.reasons[0]} ({counted(len(trials.asked), 'trial')}, {trials.flown} flown)"
+    )
     console.print(_command(bench, found))
     console.print(f"{shown_path(path)}")
 
@@ -217,7 +220,7 @@ def _write_tables(out: Path, store: Store, plan: Plan, search: Search, facts: di
 def _print_search(name: str, out: Path, search: Search, console: Console) -> None:
     tally = search.tally
     counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR"
-    console.print(f"{name}: {search.tried} trials, {tally.cases} cases: {counts}")
+    console.print(f"{name}: {counted(search.tried, 'trial')}, {counted(tally.cases, 'case')}: {counts}")
     smallest = search.smallest
     worst = None if smallest is None else smallest.outcome.worst
     if smallest is not None and worst is not None and worst.margin is not None:

@@ -26,6 +26,7 @@ from hil.apps.campaign.find.trials import Texts, Trials
 from hil.apps.campaign.flight import Outcome
 from signals.errors import ConfigError, Problem
 from signals.mission import MissionItem
+from signals.words import counted
 
 BATCH = 8  # trials that are made together, whatever the number of workers
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|\bnan\b|\binf\b)")
@@ -98,14 +99,14 @@ class Shrinking:
         parts = parts_of(data, self._base)
         effective = [p for p in parts if self._trials.identity(tuple(texts_of(without(data, [p])))) != whole]
         data = without(data, [p for p in parts if p not in effective])
-        self.say(f"{len(effective)} parts: {'; '.join(p.text for p in effective) or 'none'}")
+        self.say(f"{counted(len(effective), 'part')}: {'; '.join(p.text for p in effective) or 'none'}")
 
         def but(kept: Sequence[Part]) -> Data:
             return without(data, [p for p in effective if p not in kept])
 
         kept = ddmin(effective, lambda subsets: self._first_failing([but(subset) for subset in subsets]))
         self._found.removed = [p.text_without for p in effective if p not in kept]
-        self.say(f"{len(kept)} of {len(effective)} parts remain; {len(self._trials.asked)} trials")
+        self.say(f"left: {len(kept)} of {counted(len(effective), 'part')}; {counted(len(self._trials.asked), 'trial')}")
         return but(kept)
 
     def _lessen(self, data: Data, tolerance: float) -> Data:
@@ -116,7 +117,7 @@ class Shrinking:
             if share < 1.0:
                 data = with_value(data, magnitude, share)
                 self._found.reduced.append(magnitude.text(magnitude.at(share)))
-                self.say(f"{self._found.reduced[-1]}; {len(self._trials.asked)} trials")
+                self.say(f"{self._found.reduced[-1]}; {counted(len(self._trials.asked), 'trial')}")
         return data
 
     def _first_share(self, data: Data, magnitude: Magnitude, shares: Sequence[float]) -> int | None:
@@ -138,11 +139,10 @@ class Shrinking:
         if len(kept) == len(mission.waypoints):
             return data
         removed = [item.seq for item in mission.waypoints if item not in kept]
-        text = (
-            f"{len(removed)} of {len(mission.waypoints)} waypoints (items {', '.join(map(str, removed))} of the file)"
-        )
+        items = ", ".join(map(str, removed))
+        text = f"{len(removed)} of {counted(len(mission.waypoints), 'waypoint')} (items {items} of the file)"
         self._found.removed.append(text)
-        self.say(f"taken out: {text}; {len(self._trials.asked)} trials")
+        self.say(f"taken out: {text}; {counted(len(self._trials.asked), 'trial')}")
         self._found.mission = write_cut(mission, kept, bench, self._out, name)
         return {**data, "mission": str(self._found.mission)}
 

@@ -11,6 +11,7 @@ from rich.table import Table
 from hil.apps.campaign.results.compare import Change, Comparison, axes_text, compare_campaigns
 from hil.apps.campaign.results.groups import shortened
 from hil.run.report.run_json import write_run_json
+from signals.words import counted
 
 _MOST_SHOWN = 20
 
@@ -35,9 +36,13 @@ def run_compare(first: Path, second: Path, json_file: Path | None, console: Cons
 
 def _print_pairs(comparison: Comparison, console: Console) -> None:
     one, two = comparison.alone
-    console.print(f"{comparison.pairs} pairs of cases; without a partner: {one} of the first, {two} of the second")
+    console.print(
+        f"{counted(comparison.pairs, 'pair')} of cases; without a partner: {one} of the first, {two} of the second"
+    )
     if comparison.same_cases:
-        console.print(f"{comparison.same_cases} pairs have the same identity: nothing that makes a flight differs")
+        console.print(
+            f"the same identity in {counted(comparison.same_cases, 'pair')}: nothing that makes a flight differs"
+        )
     if comparison.left_out:
         console.print(f"axes left out, because they have no value in common: {', '.join(comparison.left_out)}")
     for key, (ours, theirs) in comparison.differences.items():

@@ -19,6 +19,7 @@ from hil.run.report.page import CSS, PAGE_NAME
 from hil.run.report.row_search import SCRIPT
 from hil.run.runs.progress import minutes
 from signals.errors import RecordingError
+from signals.words import counted
 
 _MOST_PAIRS = 12
 _MOST_PICTURES = 9
@@ -54,7 +55,7 @@ def _page(facts: Facts, summary: Summary) -> str:
     tally = summary.tally
     status = {0: "PASS", 1: "FAIL", 3: "ERROR"}[tally.exit_status]
     low, rate, high = tally.interval()
-    line = f"{tally.passed:,} of {tally.judged:,} flights passed" if tally.judged else "no flight was judged"
+    line = f"{tally.passed:,} of {counted(tally.judged, 'flight')} passed" if tally.judged else "no flight was judged"
     if tally.judged:
         line += f": {100 * rate:.1f} %, between {100 * low:.1f} % and {100 * high:.1f} %"
     broken, worst = summary.broken, summary.worst
@@ -88,8 +89,8 @@ def _facts(facts: Facts, summary: Summary) -> str:
         f"<li class='{name.lower() if count else 'none'}'><b>{count:,}</b> {name}</li>" for name, count in chips
     )
     notes = [
-        f"{tally.cases:,} cases of {facts.points:,} points, {summary.sim_s / 3600:.1f} h of flight; "
-        f"this call made {facts.flown:,} flights in {minutes(facts.wall_s)}."
+        f"{counted(tally.cases, 'case')} of {counted(facts.points, 'point')}, {summary.sim_s / 3600:.1f} h of flight; "
+        f"this call made {counted(facts.flown, 'flight')} in {minutes(facts.wall_s)}."
     ]
     if facts.stopped:
         notes.append(

@@ -1,9 +1,10 @@
-"""Warns before a flight of what the vehicle would touch on the straight ways of its mission."""
+"""Warns before a flight of waypoints that may be passed by, and of what the straight ways of the mission touch."""
 
 from __future__ import annotations
 
 from hil.config import Bench
 from hil.config.checks.course_notes import course_notes
+from hil.config.checks.radius_notes import radius_notes
 from hil.run.part import Part, RunContext
 
 
@@ -12,7 +13,7 @@ class CoursePart(Part):
 
     def open(self, run: RunContext) -> None:
         # Before the links open: an autopilot would wait meanwhile.
-        for note in course_notes(run.bench):
+        for note in (*radius_notes(run.bench), *course_notes(run.bench)):
             run.say("warning", note)
 
 

@@ -4,7 +4,8 @@ Three kinds of benches do not. One that flies nothing itself may be flown by a p
 station, sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which one at rest meets. A
 script without a plan is judged by its own measurements, most of which a vehicle at rest meets, too. And a script with
 `outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted: that is a FAIL.
-The others are warned of, because a start that is refused may be what the test is about.
+The others are warned of, because a start that is refused may be what the test is about. So is an aborted mission whose
+vehicle was in the air when the time of the run was over: it may only have been too long.
 """
 
 from __future__ import annotations
@@ -25,14 +26,19 @@ NOTHING_FLIES = (
 NO_PLAN = "nothing was flown: the vehicle never left its start; have the script arm it and take off"
 ANY_OUTCOME = "nothing was flown: the vehicle never left its start, and the script takes that (outcome: any)"
 NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it never began"
+OUT_OF_TIME = (
+    "the run ended at duration_s with the vehicle in the air, and the script takes that as an aborted mission; one "
+    "that is only too long for duration_s looks the same"
+)
 
 
 class UnflownPart(Part):
     name = "unflown"
 
-    def __init__(self, outcome: Outcome, *, scripted: bool = False) -> None:
-        """`scripted`: a script flies the vehicle, with a plan or without."""
-        self._outcome, self._scripted = outcome, scripted
+    def __init__(self, outcome: Outcome, *, scripted: bool = False, last_tick: int | None = None) -> None:
+        """`scripted`: a script flies the vehicle, with a plan or without. `last_tick`: the run goes no further."""
+        self._outcome, self._scripted, self._last_tick = outcome, scripted, last_tick
+        self._out_of_time = False
         self._start_W: Vec3 | None = None  # from the first tick on
         self._moved = False
 
@@ -43,8 +49,12 @@ class UnflownPart(Part):
         if self._start_W is None:
             self._start_W = truth.p_WB
         self._moved = self._moved or math.dist(truth.p_WB, self._start_W) > AIRBORNE_M
+        if self._last_tick is not None and truth.tick >= self._last_tick:
+            self._out_of_time = not truth.in_contact
 
     def conclude(self, run: RunContext) -> None:
+        if self._moved and self._out_of_time and self._outcome == "aborted":
+            run.say("warning", OUT_OF_TIME)
         if not self._moved and self._outcome != "aborted":
             run.say("warning", ANY_OUTCOME if self._outcome == "any" else NO_PLAN if self._scripted else NOTHING_FLIES)
 
@@ -54,4 +64,5 @@ class UnflownPart(Part):
 
 
 def make(bench: Bench) -> Part:
-    return UnflownPart(bench.outcome, scripted=bench.script is not None)
+    last_tick = round(bench.config.duration_s * bench.config.tick_hz) - 1
+    return UnflownPart(bench.outcome, scripted=bench.script is not None, last_tick=last_tick)

@@ -9,7 +9,7 @@ from firmware_bridge.ground_station.actions import ActionSource, Record
 from hil.config import Bench
 from hil.config.missions.script import MissionScript, flight_actions
 from hil.run.part import Part, RunContext
-from hil.run.verdict.measurements import DeclaredMeasurements, judge_script
+from hil.run.verdict.measurements import DeclaredMeasurements, judge_script, measured_on_ground
 from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState
 from signals.time import NS_PER_S
@@ -40,6 +40,10 @@ class ScriptPart(Part):
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add]
+
+    def conclude(self, run: RunContext) -> None:
+        for text in measured_on_ground(self._measured.results()):
+            run.say("warning", text)
 
     def verdict(self) -> Verdict:
         return judge_script(self._measured.results(), self._records())

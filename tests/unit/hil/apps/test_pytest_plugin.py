@@ -93,7 +93,7 @@ def test_a_failed_test_keeps_its_runs_and_says_where(project: pytest.Pytester) -
     def test_two(rig, mission, seed):
         first = rig.fly(mission("square.waypoints"), seed=seed)
         second = rig.fly(mission("square.waypoints"), seed=seed)
-        assert first.digest == second.digest
+        assert first.digest == second.digest and not first.passed and not second.passed
         assert seed == 4
     """
     result = fly(project, dedent(test), "--junitxml=junit.xml")
@@ -122,7 +122,7 @@ def test_a_flight_that_is_not_clean_fails_unless_that_is_declared(project: pytes
     def test_noise(rig, mission):
         noisy(rig, mission)
 
-    @pytest.mark.hil_allow("late", "garbage")
+    @pytest.mark.hil_allow("late", "garbage", "fail")
     def test_allowed(rig, mission):
         noisy(rig, mission)
 
@@ -143,6 +143,44 @@ def test_a_flight_that_is_not_clean_fails_unless_that_is_declared(project: pytes
     assert kept(project) == ["run-1", "run-1"]
 
 
+def test_a_verdict_that_the_test_does_not_read_fails_it(project: pytest.Pytester) -> None:
+    test = """
+    def fly(rig): return rig.fly("square.waypoints", seed=3)
+
+    def test_measurements_are_no_verdict(rig):
+        assert fly(rig).reached == 0
+
+    def test_second_of_two(rig):
+        assert fly(rig).status == "FAIL"
+        fly(rig)
+
+    def test_read(rig):
+        assert not fly(rig).passed
+
+    @pytest.mark.hil_allow("fail")
+    def test_allowed(rig):
+        fly(rig)
+
+    @pytest.fixture
+    def flown(rig): return fly(rig)
+
+    def test_flown_before_it_began(flown): pass
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=2, failed=3)
+    text = result.stdout.str().partition("short test summary info")[0]
+    assert text.count("  fail: 1 (a FAIL whose verdict the test did not read") == 2
+    assert text.count("  run 2: fail: 1 (") == 1
+    result.stdout.fnmatch_lines(
+        [
+            "    reached 0 of 5 waypoints",
+            "    the run is in */hil-artifacts/test_it.py/test_measurements_are_no_verdict/run-1",
+            'to judge a verdict: assert run.passed, run.reasons*assert run.status == "FAIL"',
+            'to accept a finding: @pytest.mark.hil_allow("fail", "late", ...)',
+        ]
+    )
+
+
 def test_a_crash_that_the_test_does_not_look_at_fails_it(project: pytest.Pytester) -> None:
     test = """
     def fall(rig):
@@ -161,7 +199,9 @@ def test_a_crash_that_the_test_does_not_look_at_fails_it(project: pytest.Pyteste
     """
     result = fly(project, dedent(test))
     result.assert_outcomes(passed=2, failed=1)
-    result.stdout.fnmatch_lines(["*crash: 1 (a crash that the test did not look at*"])
+    result.stdout.fnmatch_lines(
+        ["*crash: 1 (a FAIL with a crash whose verdict the test did not read*", "*  crashed: *"]
+    )
 
 
 def test_a_run_that_breaks_is_an_error_of_the_bench(project: pytest.Pytester) -> None:
@@ -190,12 +230,16 @@ def test_features_decide_what_is_skipped(project: pytest.Pytester) -> None:
     @pytest.mark.hil_feature("gps")
     @pytest.mark.hil_feature("jtag", "optical_flow")
     def test_has_not(): raise AssertionError
+
+    @pytest.mark.hil_feature("barro")
+    def test_misspelt(): raise AssertionError
     """
     result = fly(project, dedent(test), "-rs", "--strict-markers")
-    result.assert_outcomes(passed=1, skipped=1)
+    result.assert_outcomes(passed=1, skipped=2)
+    result.stdout.fnmatch_lines(["*rig 'mock' has no barro (did you mean 'baro'?); it has: *"])
     result.stdout.fnmatch_lines(["*rig 'mock' has no jtag and no optical_flow; it has: baro, *"])
     result = fly(project, dedent(test), "--hil-set", "features=[jtag, optical_flow]")
-    result.assert_outcomes(passed=1, failed=1)
+    result.assert_outcomes(passed=1, failed=1, skipped=1)
 
 
 def test_the_command_line_wins(project: pytest.Pytester) -> None:
@@ -203,6 +247,7 @@ def test_the_command_line_wins(project: pytest.Pytester) -> None:
     @pytest.mark.rig("no_such_rig")
     def test_it(rig, mission):
         assert rig.fly(mission("square.waypoints"), seed=1, settings=["duration_s=1"]).seed == 99
+        assert not rig.runs[0].passed
         assert rig.runs[0].json["sim_s"] == 0.5
     """
     options = ("--hil-rig", "mock", "--hil-seed", "99", "--hil-set", "duration_s=0.5")
@@ -348,10 +393,26 @@ def test_each_vehicle_of_a_flight_has_its_own_run(project: pytest.Pytester) -> N
     result.stdout.fnmatch_lines(["*KeyError: 'third'*"])
 
 
+def test_the_verdict_of_one_vehicle_is_none_of_the_others(project: pytest.Pytester) -> None:
+    project.makefile(".yaml", hil=SHORT + "vehicles: {lead: {}, wing: {}}\nformation: {shape: line, spacing_m: 4}\n")
+    test = """
+    def test_one(rig):
+        assert not rig.fly("square.waypoints").vehicles["wing"].passed
+
+    def test_the_flight(rig):
+        assert not rig.fly("square.waypoints").passed
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=1, failed=1)
+    text = result.stdout.str()
+    assert "\n    lead: reached 0 of 5 waypoints\n" in text
+    assert "wing: reached" not in text
+
+
 def test_a_link_fault_names_its_vehicle(project: pytest.Pytester) -> None:
     faulty = "vehicles: {lead: {}, wing: {autopilot: {faults: {noise_at_s: 1}}}}\n"
     project.makefile(".yaml", hil=SHORT + faulty + "formation: {shape: line, spacing_m: 4}\n")
-    result = fly(project, 'def test_ground(rig, mission): rig.fly(mission("square.waypoints"))')
+    result = fly(project, 'def test_ground(rig): assert not rig.fly("square.waypoints").passed')
     result.assert_outcomes(failed=1)
     result.stdout.re_match_lines(["the flight was not clean:", r"  wing: garbage: \d+"])
     assert "lead: " not in result.stdout.str()

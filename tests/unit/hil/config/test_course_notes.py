@@ -11,6 +11,7 @@ from hil.apps.dataset.plan import make_plan
 from hil.cli.app import app
 from hil.config import load_bench
 from hil.config.checks.course_notes import course_notes
+from hil.config.checks.radius_notes import radius_notes
 from signals.errors import ConfigError
 
 SCENE = """\
@@ -128,3 +129,30 @@ def test_a_climb_leads_straight_up_and_a_return_is_left_out(tmp_path: Path) -> N
     lat, lon = OVER
     rows = [UP.format(lat=lat, lon=f"{lon:.8f}", up=3), "2\t0\t2\t20\t0\t0\t0\t0\t0\t0\t0\t1"]
     assert notes_of(tmp_path, *rows) == []
+
+
+def test_waypoints_that_may_be_passed_by_are_told(tmp_path: Path) -> None:
+    rows = [line.split("\t") for line in Path("rigs/missions/square.waypoints").read_text().splitlines()]
+    for row in rows[5:8]:
+        row[5] = "1e9"
+    path = tmp_path / "wide.waypoints"
+    path.write_text("\n".join("\t".join(row) for row in rows) + "\n")
+    told = (
+        f"{path}:6: item 4 has an acceptance radius of 1e+09 m, more than half of the 20.0 m to it (it counts within "
+        "10 m): an autopilot may pass it by; 2 more such"
+    )
+    for command in (["check", "--mission", str(path)], ["run", "--mission", str(path), "--set", "duration_s=1"]):
+        out = [] if command[0] == "check" else ["--out", str(tmp_path / "run")]
+        assert told in " ".join(CliRunner().invoke(app, [*command, *out]).output.split())
+
+
+def test_waypoints_within_their_own_radius_of_the_place_before_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "tiny.waypoints"
+    text = Path("rigs/missions/square.waypoints").read_text()
+    path.write_text(text.replace("8.54585890", "8.54560700"))  # 1 m east
+    (note,) = radius_notes(load_bench(mission=str(path)))
+    assert note == (
+        f"{path}:6: item 4 lies 0.98 m from the place before, within its acceptance radius of 2 m: "
+        "an autopilot may pass it by; 1 more such"
+    )
+    assert radius_notes(load_bench(mission="rigs/missions/square.waypoints")) == []

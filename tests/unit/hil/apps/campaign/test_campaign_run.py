@@ -88,7 +88,7 @@ def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
     )
     said = io.StringIO()
     assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
-    assert "warning: 1 cases did not meet a fault or gust that they declare, such as " in said.getvalue()
+    assert "warning: 1 case did not meet a declared fault or gust, such as " in said.getvalue()
     assert "gust at 300 s never began: the flight ended at" in said.getvalue()
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1
     assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 1
@@ -103,7 +103,7 @@ def test_second_flights_that_could_not_be_made_are_told(
     monkeypatch.setattr(Campaign, "_compare", lambda self, job, _: compare(self, job, lost))
     said = io.StringIO()
     run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300))
-    assert "warning: 1 second flights could not be made; --resume makes them" in said.getvalue()
+    assert "warning: 1 second flight could not be made; --resume flies the rest" in said.getvalue()
 
 
 def test_a_trial_flight_that_is_an_error_fails_the_dry_run(spec: Path, tmp_path: Path) -> None:

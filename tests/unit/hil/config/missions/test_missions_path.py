@@ -40,6 +40,14 @@ def test_a_flight_from_take_off_to_landing() -> None:
     assert all(one.end_W == two.start_W for one, two in itertools.pairwise(path))
 
 
+def test_a_waypoint_counts_no_farther_than_half_of_the_way_to_it() -> None:
+    named = (1e9, 10.0, 6.0, 1e9, 5.0, 5.0, 0.0)
+    ends = (101, 101, 111, 111, 211, 211, 251)  # from home at 1
+    path = legs(*(item(16, east, 2, 10, p2=radius) for east, radius in zip(ends, named, strict=True)))
+    radii = [leg.acceptance_radius_m for leg in path]
+    assert radii == pytest.approx([50, 10, 5, 5, 5, 5, 2], abs=0.02)
+
+
 def test_heights_count_from_home_sea_level_or_ground() -> None:
     path = legs(item(16, 10, 0, 20, frame=3), item(16, 20, 0, 500, frame=0), item(16, 30, 0, 20, frame=10))
     assert [leg.end_W[2] for leg in path] == [20.25, 12.0, 20.0]

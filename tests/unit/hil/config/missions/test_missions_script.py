@@ -196,6 +196,9 @@ def test_an_empty_script_or_one_that_waits_for_a_plan_it_lacks_is_refused() -> N
             "flight.yaml:4: limits.landing_speed_mps is not judged with",
         ),
         ("expect:\n  - {measure: max_tilt_deg, name: final_error_m}\n", "as a limit of every flight"),
+        ("expect:\n  - {measure: max_tilt_deg, at_most: 180}\n", "at_most 180 deg is met by any flight"),
+        ("expect:\n  - {measure: max_altitude_m, at_least: -1e9}\n", "at_least -1e+09 m is met by any flight"),
+        ("expect:\n  - {measure: max_speed_mps, at_least: 0}\n", "max_speed_mps is at least 0 in any flight"),
     ],
 )
 def test_what_would_not_be_judged_is_refused(script: str, problem: str) -> None:

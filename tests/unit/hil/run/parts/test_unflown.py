@@ -12,7 +12,7 @@ from hil.config import load_bench
 from hil.config.missions.script import Outcome
 from hil.run.bench_run import run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.judges.unflown import ANY_OUTCOME, NO_PLAN, NOT_BEGUN, NOTHING_FLIES, UnflownPart
+from hil.run.parts.judges.unflown import ANY_OUTCOME, NO_PLAN, NOT_BEGUN, NOTHING_FLIES, OUT_OF_TIME, UnflownPart
 
 QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}", "duration_s=1")
 
@@ -30,6 +30,21 @@ def test_a_mission_that_never_began_was_not_aborted(outcome: str, status: str, w
     run = run_bench(load_bench(mission=str(script), settings=QUICK), tmp_path / "run", quiet=True).run
     assert run["status"] == status
     assert words in [*run["verdict"]["reasons"], *(row["text"] for row in run["warnings"])]
+
+
+def test_what_looks_judged_and_is_not_is_warned_of(tmp_path: Path) -> None:
+    """The mission is too long for the run, and the measurement was over before the take-off."""
+    script = tmp_path / "script.yaml"
+    script.write_text(
+        f"plan: {Path('rigs/missions/rectangle.plan').resolve()}\noutcome: aborted\n"
+        "expect: [{measure: max_tilt_deg, at_most: 5, to_s: 2}, {measure: max_climb_mps, to_s: 2}]\n"
+    )
+    settings = (*QUICK[:2], "duration_s=14")
+    run = run_bench(load_bench(mission=str(script), settings=settings), tmp_path / "run", quiet=True).run
+    assert run["status"] == "PASS"
+    out_of_time, on_ground = sorted((row["text"] for row in run["warnings"]), key=len, reverse=True)
+    assert out_of_time == OUT_OF_TIME
+    assert on_ground.startswith("max_tilt_deg was measured on the ground (from 0 s to 2 s; it took off at ")
 
 
 def test_a_script_without_a_plan_that_never_flew_says_so(tmp_path: Path) -> None:

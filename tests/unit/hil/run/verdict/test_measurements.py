@@ -161,7 +161,7 @@ def test_limits_on_measurements_decide() -> None:
         "max_speed_mps has a limit but was never measured: the run ended too early or without a touch-down",
     )
     assert [row.ok for row in bad.rows[-4:]] == [False, False, False, True]
-    nan = verdict_of({"expect": ({"measure": "max_speed_mps", "at_most": 1e9},)}, [truth(0, v_WB_W=(math.nan, 0, 0))])
+    nan = verdict_of({"expect": ({"measure": "max_speed_mps", "at_most": 900.0},)}, [truth(0, v_WB_W=(math.nan, 0, 0))])
     assert nan.status == "FAIL"
 
 

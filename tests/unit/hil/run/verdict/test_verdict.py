@@ -131,6 +131,15 @@ def test_a_flight_that_may_be_off_its_leg_may_be_off_its_corner() -> None:
     assert flown(rectangle(), shifted, limits=Limits(max_cross_track_m=None, altitude_error_m=None)).reached == 5
 
 
+def test_wide_limits_reach_no_waypoint_from_afar() -> None:
+    wide = Limits(max_cross_track_m=900.0, altitude_error_m=900.0)
+    up_and_down = [HOME, (0.0, 0.0, 10.2), HOME]
+    assert flown(rectangle(), up_and_down, limits=wide).reached == 1
+    low = [HOME, *((x, y, 40.0) for x, y in CORNERS), HOME]
+    assert flown(rectangle(100.2), low, limits=wide).reached == 0
+    assert flown(rectangle(60.2), low, limits=wide).reached == 5
+
+
 def test_a_missed_waypoint_stops_the_count_and_fails() -> None:
     measured = flown(rectangle(), tour([CORNERS[0], (36.0, 0.0), (36.0, 25.0), CORNERS[3], CORNERS[4]]))
     assert measured.reached == 1
