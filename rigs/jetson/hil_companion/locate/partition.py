@@ -46,7 +46,7 @@ from hil_companion.locate.rhythm import Rhythm
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
-_OBJECT = 6.0  # by the number of errors on tuning maps
+_OBJECT = 6.0  # ln of the odds against one more person; by the number of errors on the maps for tuning
 _PRIOR = 1.0  # ln of the odds that two tracks are of one object, before it is known how often a survey sees each one
 _SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
@@ -186,8 +186,8 @@ class Partition:
 
     def _priors(self, group: Members) -> float:
         ordered = self._ordered(group)
-        few = _OBJECT if self._rhythm.known else 0.0
-        return sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:])) - few
+        one_more = _OBJECT if self._rhythm.known else 0.0
+        return sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:])) - one_more
 
     def _score(self, group: Members) -> float:
         """Return the score without the prior."""
