@@ -409,8 +409,8 @@ class Search(Section):
     min_found_share: Annotated[float, Field(gt=0, le=1)] | None = 0.9  # of the visible objects
     max_error_m: DistanceLimit | None = 2.0  # median, horizontal
     max_worst_error_m: DistanceLimit | None = None
-    max_false: Annotated[int, Field(ge=0)] | None = None
-    max_doubles: Annotated[int, Field(ge=0)] | None = None  # further reports of objects that already have one
+    max_false: Annotated[int, Field(ge=0)] | None = 1
+    max_doubles: Annotated[int, Field(ge=0)] | None = 1  # further reports of objects that already have one
     count_duplicates: bool = False  # a second report of one object is false too
 
 

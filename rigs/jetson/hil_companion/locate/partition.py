@@ -1,10 +1,16 @@
 """Partition of the tracks of a whole flight into objects: the likeliest one that a search of pairs and moves finds.
 
     score = sum over the objects of [ ln ratio of appearance of all its tracks
-            + sum over neighbours in time of their transit and their prior + posture ]
+            + sum over neighbours in time of their transit and their prior + posture - `_OBJECT` ]
 
 The prior of two neighbours is the `rhythm` of the survey, which sees everybody again after about the same time. It is
 that of the best chains below with `_PRIOR`; until there are enough of them, `_PRIOR` is all that is known.
+
+A track alone scores 0: it may be of nobody. In a survey with a rhythm, every object of more tracks costs `_OBJECT`, the
+ln of the odds that tracks are of people who are there anyway or of nobody, and not of one more (the density of new
+targets in Reid 1979, An Algorithm for Tracking Multiple Targets). Without this cost a false track gathers two or three
+tracks of somebody with about its look, and because that one cannot be at the false track's place, the halves cannot be
+joined. Where people are seen once or twice only, there is no such cost: two tracks are all that there is of somebody.
 
 Who was at two places does not sit, so there the boxes are of somebody upright, or of nobody. An object that is at two
 places loses what its boxes say more for a sitter than for somebody upright, the posture; boxes of one object are not
@@ -40,6 +46,7 @@ from hil_companion.locate.rhythm import Rhythm
 from hil_companion.locate.tracks import Track
 from hil_companion.locate.transit import transit_ratio
 
+_OBJECT = 6.0  # ln of the odds against one more person; by the number of errors on the maps for tuning
 _PRIOR = 1.0  # ln of the odds that two tracks are of one object, before it is known how often a survey sees each one
 _SHARED = 1  # pictures with a box of both tracks: two boxes on one person may begin a second track
 _LEAST_GAIN = 1e-9
@@ -61,14 +68,14 @@ class Partition:
         self._totals: dict[Members, float] = {}  # scores with the prior, which changes from call to call
         self._links: dict[tuple[int, int], float] = {}
         self._tracks: dict[int, Track] = {}
-        self._rhythm = Rhythm([], 0.0, 0.0)
+        self._rhythm = Rhythm([])
         self._best: list[Members] = []  # the groups of the call before
         self._turn = 0
 
     def groups(self, tracks: Sequence[Track]) -> list[list[Track]]:
         """Return the tracks of each object in the order of time; objects by their first track."""
         self._forget(tracks)
-        self._rhythm = Rhythm([], 0.0, 0.0)
+        self._rhythm = Rhythm([])
         self._rhythm = self._rhythm_of(self._chains())
         self._totals = {}
         best = max((self._searched(start) for start in (self._chains(), self._before())), key=self._total)
@@ -142,15 +149,11 @@ class Partition:
 
     def _prior(self, a: Track, b: Track) -> float:
         """Return the ln of the odds that b is a's successor, before their places and looks are known."""
-        return self._rhythm.ratio(a.t_ns * 1e-9, b.first_ns * 1e-9) if self._rhythm.known else _PRIOR
+        return self._rhythm.odds((b.first_ns - a.t_ns) * 1e-9) if self._rhythm.known else _PRIOR
 
     def _rhythm_of(self, chains: Sequence[Members]) -> Rhythm:
-        if not self._tracks:
-            return Rhythm([], 0.0, 0.0)
         ordered = [self._ordered(chain) for chain in chains]
-        gaps_s = [(b.first_ns - a.t_ns) * 1e-9 for chain in ordered for a, b in zip(chain, chain[1:])]
-        begin_ns = min(track.first_ns for track in self._tracks.values())
-        return Rhythm(gaps_s, begin_ns * 1e-9, max(track.t_ns for track in self._tracks.values()) * 1e-9)
+        return Rhythm([(b.first_ns - a.t_ns) * 1e-9 for chain in ordered for a, b in zip(chain, chain[1:])])
 
     def _chains(self) -> list[Members]:
         """Return the groups of the best path cover."""
@@ -183,7 +186,8 @@ class Partition:
 
     def _priors(self, group: Members) -> float:
         ordered = self._ordered(group)
-        return sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:]))
+        one_more = _OBJECT if self._rhythm.known else 0.0
+        return sum(self._prior(a, b) for a, b in zip(ordered, ordered[1:])) - one_more
 
     def _score(self, group: Members) -> float:
         """Return the score without the prior."""

@@ -421,18 +421,32 @@ def test_an_object_of_two_halves_is_taken_apart(taken_apart: int, monkeypatch: p
 
 
 def test_a_survey_that_comes_round_has_a_rhythm() -> None:
-    rhythm = Rhythm([8.0] * 20, 0.0, 200.0)
+    rhythm = Rhythm([8.0] * 20)
     assert rhythm.known
     assert rhythm.revisit_s == 8.0
-    usual = rhythm.ratio(100.0, 108.0)  # 100 s of the flight are left, 108 s are over
-    assert rhythm.ratio(100.0, 103.0) < usual - 3.0  # sooner than anybody comes again: two people
-    assert rhythm.ratio(100.0, 140.0) == pytest.approx(usual - 0.3 * (5.0 - 1.5))  # three times missed
-    assert rhythm.ratio(100.0, 108.0) > rhythm.ratio(2.0, 10.0)  # the second one may have been out of sight until then
-    assert rhythm.ratio(100.0, 108.0) > rhythm.ratio(185.0, 193.0)
-    longer = Rhythm([16.0] * 20, 0.0, 400.0)  # twice as slow: the same in revisit times
-    assert longer.ratio(200.0, 280.0) == pytest.approx(rhythm.ratio(100.0, 140.0))
-    assert not Rhythm([8.0] * 7, 0.0, 200.0).known
-    assert not Rhythm([-1.0] * 20, 0.0, 200.0).known  # two boxes on one person at a time have no gap
+    usual = rhythm.odds(8.0)
+    assert rhythm.odds(3.0) < usual - 3.0  # sooner than anybody comes again: two people
+    assert rhythm.odds(40.0) == pytest.approx(usual - 0.3 * (5.0 - 1.5))  # three times missed
+    slower = Rhythm([16.0] * 20)
+    assert slower.odds(80.0) == pytest.approx(rhythm.odds(40.0))  # the same in revisit times
+    assert not Rhythm([8.0] * 7).known
+    assert not Rhythm([-1.0] * 20).known  # two boxes on one person at a time have no gap
+
+
+@pytest.mark.parametrize("rounds", [0, 12])
+def test_two_tracks_with_little_in_common_are_one_object_only_where_people_are_seldom_seen(rounds: int) -> None:
+    tracks = Tracks()
+    for k in range(rounds):  # somebody whom the survey sees again and again
+        walk(tracks, 8.0 * k, RED, 9.6 * k, 200.0)
+    walk(tracks, 104.0, None, 0.0, 0.0)
+    walk(tracks, 112.0, None, 11.0, -7.0)  # about 10 m off his line
+    a, b = (track for track in tracks.tracks if track.state[1] < 100.0)
+    partition = Partition()
+    groups = [[track.number for track in group] for group in partition.groups(tracks.tracks)]
+    assert ([a.number, b.number] in groups) == (rounds == 0)
+    assert len(groups) == (3 if rounds else 1)
+    prior = Rhythm([5.25] * 8).odds(5.25) - 6.0 if rounds else 1.0
+    assert partition.score(frozenset((a.number, b.number))) == pytest.approx(transit_ratio(a, b) + prior)
 
 
 def test_who_was_at_two_places_does_not_sit() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -140,6 +141,14 @@ def test_each_missed_limit_fails_with_a_reason() -> None:
     _, empty = judge_search(SearchResult(client="detect"), Search())
     assert "no 'person' was visible" in empty[0]
     assert judge_search(SearchResult(client="detect", visible=1, found=1, found_share=1.0, error_m=np.nan), Search())[1]
+
+
+def test_more_than_one_false_or_double_object_fails_unless_the_limit_is_null() -> None:
+    everybody = SearchResult("detect", 2, 2, 1.0, 0.1, 0.1, false_objects=1, doubles=1, objects=4)
+    assert judge_search(everybody, Search())[1] == []
+    crowded = replace(everybody, false_objects=2, doubles=2, objects=6)
+    assert [reason.split()[0] for reason in judge_search(crowded, Search())[1]] == ["false_objects", "double_objects"]
+    assert judge_search(crowded, Search(max_false=None, max_doubles=None))[1] == []
 
 
 def test_the_shipped_bench_judges_false_and_double_objects_and_the_worst_error() -> None:
