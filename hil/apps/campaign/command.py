@@ -194,6 +194,6 @@ def _print_result(campaign: Campaign, summary: Summary, console: Console) -> Non
     if campaign.not_compared:
         console.print(f"warning: {campaign.not_compared} second flights could not be made; --resume makes them")
     if summary.unmet:
-        text = f"warning: {summary.unmet} cases did not meet a fault or gust that they declare, such as"
+        text = f"warning: {summary.unmet} cases say nothing about what they declare, such as"
         console.print(f"{text} {summary.unmet_example}", markup=False)
     console.print(f"{campaign.out / PAGE_NAME}")
