@@ -66,7 +66,7 @@ class StartedClient:
 
 
 class Ends(NamedTuple):
-    """How the started clients ended after the session."""
+    """Ends of the started clients after the session."""
 
     bad: dict[str, str]  # by name, those with an exit status other than 0: what it was, and their last output
     terminated: list[str]  # a line on each that did not end by itself

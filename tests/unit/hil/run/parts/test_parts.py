@@ -32,7 +32,7 @@ BENCHES = {
     "plane": [],
     "vtol": [],
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
-    "nobody flies": ["mission=null"],
+    "nobody flies": ["mission=null", "plane_limits.max_bank_deg=20"],
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
     "satellites": ["sensors.gps.sky={{}}"],
