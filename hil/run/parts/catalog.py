@@ -78,6 +78,7 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
     ("judges.unflown", _may_stay),
+    ("judges.radar_echoes", lambda bench: any(s.kind == "radar" for s in bench.config.sensors.values())),
     ("judges.unjudged", lambda bench: bool(limit_notes(bench))),
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (

@@ -34,6 +34,7 @@ BENCHES = {
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
     "nobody flies": ["mission=null", "plane_limits.max_bank_deg=20"],
     "suite": ["parts.test_suite.command=[suite.py]"],
+    "radar": ["sensors.radar={{preset: bgt60tr13c, rate_hz: 10}}"],
     "vibration": ["vibration=estimated"],
     "satellites": ["sensors.gps.sky={{}}"],
     "signing": ["autopilot.signing_key_file={folder}/signing.key"],
