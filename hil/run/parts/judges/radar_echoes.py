@@ -5,7 +5,7 @@ from __future__ import annotations
 from hil.config import Bench
 from hil.run.part import Part, RunContext
 
-_CLIPPED_SHARE = 0.01  # of the samples; the strong echo of a near wall alone clips fewer
+_CLIPPED_SHARE = 0.01  # of the samples
 
 
 class RadarEchoesPart(Part):
