@@ -221,7 +221,8 @@ class OffboardPilot(PhasedFlight):
             return
         if not armed:
             if not progress.flown:
-                raise refused(f"the vehicle disarmed before it took off{self._texts.last()}")
+                why = "do the desired states lead up?"
+                raise refused(f"the vehicle disarmed before it took off: {why}{self._texts.last()}")
             return  # it falls; the flight ends on the ground
         if not (progress.flown and self._streaming_since_ns is not None):
             self._check_takeoff(t_ns, "; do the desired states lead up?")

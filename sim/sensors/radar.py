@@ -76,6 +76,8 @@ class RadarCounts:
         self.ghosts = 0  # echoes by mirrors
         self.rays = 0  # cast for them
         self.shared = 0  # pictures that the camera drew
+        self.samples = 0  # of the raw data
+        self.clipped = 0  # of them, at an end of the converter's range
         self.terms = 0  # greatest number of low-rank terms in the synthesis of any frame
 
 
@@ -134,6 +136,7 @@ class RadarFrames:
             view_R, weight = self._scatterers.direction_R, self._scatterers.weight
             self._rain = Rain(chirp.center_frequency_hz, rain_mm_per_h, view_R, weight, limit_m, seed=seed, name=name)
         self._signal = np.zeros(p.raw_shape)
+        self._top = (1 << p.receiver.adc_bits) - 1
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
 
@@ -163,6 +166,8 @@ class RadarFrames:
             couple(self._coupling, self._parts, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
+        self.counts.samples += out.size
+        self.counts.clipped += int(np.count_nonzero(out == 0) + np.count_nonzero(out == self._top))
         self._count(self._scatterers.last, report)
         return out
 

@@ -46,7 +46,7 @@ MARK = "HIL_TEST_RUN"
 def nothing_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Fail if a process, shared memory or socket of the benches in this process is left."""
     monkeypatch.setenv(MARK, str(tmp_path))
-    monkeypatch.setattr(started, "_END_S", 0.3)  # many clients here cannot end
+    monkeypatch.setattr(started, "END_S", 0.3)  # many clients here cannot end
     made: list[Path] = []
     opened = CompanionServer.open
 
@@ -310,6 +310,24 @@ def test_a_flight_that_lost_the_client_that_the_bench_started_fails(
     runs = [json.loads((folder / "run.json").read_text()) for folder in (run_dir, run_dir / "replay")]
     assert runs[0]["verdict"]["reasons"] == runs[1]["verdict"]["reasons"]  # no client is lost in a replay
     assert runs[1]["status"] == "FAIL"
+
+
+def test_a_client_that_fails_after_the_flight_fails_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(started, "END_S", PATIENCE_S)
+    stop = "pass\n    def stop(self):\n        assert 2 + 2 == 5, 'the map is empty'"
+    (reason,) = observed(tmp_path, stop, monkeypatch, "record.mcap=true")
+    assert reason.startswith("the companion Watcher failed after the flight: its process ended with exit status 3")
+    assert "the map is empty" in reason
+    run_dir = tmp_path / "run"
+    assert fly_and_compare(run_dir, None, Console(file=io.StringIO())).identical
+    assert reason in saved(run_dir / "replay")["verdict"]["reasons"]
+
+
+def test_a_client_that_does_not_end_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stop = "pass\n    def stop(self):\n        time.sleep(3600)"
+    assert not observed(tmp_path, stop, monkeypatch)
+    told = [warning["text"] for warning in saved(tmp_path / "run")["warnings"]]
+    assert [text for text in told if "Watcher had not ended 0.3 s after the flight and was terminated" in text]
 
 
 def test_a_client_that_has_finished_or_need_not_come_back_is_not_missed(

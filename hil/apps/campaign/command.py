@@ -197,6 +197,6 @@ def _print_result(campaign: Campaign, summary: Summary, console: Console) -> Non
             f"warning: {counted(campaign.not_compared, 'second flight')} could not be made; --resume flies the rest"
         )
     if summary.unmet:
-        text = f"warning: {counted(summary.unmet, 'case')} did not meet a declared fault or gust, such as"
+        text = f"warning: {counted(summary.unmet, 'case')} without what was declared, such as"
         console.print(f"{text} {summary.unmet_example}", markup=False)
     console.print(f"{campaign.out / PAGE_NAME}")

@@ -75,7 +75,7 @@ class Outcome:
     wall_s: float = 0.0  # of the whole job
     cpu_s: float = 0.0  # of the worker's own process
     place: str = ""  # worker that made it
-    unmet: tuple[str, ...] = ()  # declared faults and gusts that the flight did not meet
+    unmet: tuple[str, ...] = ()  # of what the bench declares: faults and gusts that did not come, or the whole flight
 
     @classmethod
     def from_run(cls, run: Mapping[str, Any]) -> Outcome:
@@ -93,7 +93,7 @@ class Outcome:
             run["digest"],
             bool(run["deterministic"]),
             run["sim_s"],
-            unmet=tuple(run.get("unmet", ())),
+            unmet=(*([run["unflown"]] if "unflown" in run else []), *run.get("unmet", ())),
         )
 
     @classmethod

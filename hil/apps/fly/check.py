@@ -6,6 +6,7 @@ from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
 from hil.config.checks.course_notes import course_notes
 from hil.config.checks.intake_checks import intake_notes
+from hil.config.checks.limit_notes import limit_notes
 from hil.config.checks.radius_notes import radius_notes
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
@@ -32,9 +33,9 @@ def check_bench(choice: BenchChoice) -> str:
 
 
 def _notes(bench: Bench) -> list[str]:
-    """Return what the autopilot takes otherwise than the bench and the mission state, and what is in its way."""
+    """Return what is otherwise than the bench and the mission state: not taken, not judged, or in the way."""
     mission = bench.mission.notes if bench.mission is not None else ()
-    return [*mission, *radius_notes(bench), *course_notes(bench), *intake_notes(bench.config)]
+    return [*mission, *radius_notes(bench), *limit_notes(bench), *course_notes(bench), *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:

@@ -74,6 +74,7 @@ class CompanionLink:
         self.topics: frozenset[str] = frozenset()
         self._awaited: frozenset[str] = frozenset()  # clients with which the flight begins
         self._traced_missing: list[str] | None = None  # clients lost in the run whose trace this one repeats
+        self._bad_ends: dict[str, str] = {}  # of started clients after the flight, by name
 
     def _start_settings(self, client: str) -> dict[str, Any]:
         """Return the setting `start` of a shipped client that localises itself, if the bench moves the start."""
@@ -156,7 +157,8 @@ class CompanionLink:
     def missing(self) -> list[str]:
         """Return when and why each client was lost that the flight needs: those started, and as many as awaited.
 
-        A client that came back and answers is not missing, nor is one that had finished. In a replay: those of the
+        A client that came back and answers is not missing, nor is one that had finished. After `close` also those
+        started that ended as failed: what a client finds out only in its `stop()` counts. In a replay: those of the
         recorded run.
         """
         companion, stage = self.config.companion, self._stage
@@ -171,6 +173,10 @@ class CompanionLink:
         return [
             f"the companion {name} was lost {t_ns / NS_PER_S:.2f} s after the start and answered no more: {reason}"
             for name, (t_ns, reason) in sorted(lost.items())
+        ] + [
+            f"the companion {name} failed after the flight: {end}"
+            for name, end in sorted(self._bad_ends.items())
+            if name not in stage.losses
         ]
 
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
@@ -199,8 +205,14 @@ class CompanionLink:
             with suppress(OSError):
                 self._server.close(status, "the run is over")
         started, self._started = self._started, []
-        close_all(started)
+        ends = close_all(started)
+        if status == "over":
+            self._bad_ends |= ends.bad
+            for text in ends.terminated:
+                self._on_event(-1, "warning", text)
         if self._trace is not None:
+            if ends.bad:
+                self._trace.missing(self.missing())
             self._trace.close()
             self._trace = None
         if self._timing is not None:

@@ -8,14 +8,14 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from firmware_bridge.links.child_process import ChildProcess
 from hil.config.companion.clients import CLIENT_PATH, client_name
 from signals.errors import LinkClosed, RecordingError
 
 OUT_VARIABLE = "HIL_COMPANION_OUT"
-_END_S = 3.0  # wall clock in which clients may end by themselves after the session
+END_S = 3.0  # wall clock in which clients may end by themselves after the session
 
 
 class StartedClient:
@@ -52,6 +52,10 @@ class StartedClient:
         """Describe the end of the process with its last output; None while it runs."""
         return None if self._process.running() else self._process.describe_end()
 
+    def bad_end(self) -> str | None:
+        """Describe an end of its own that is none of success; None while it runs, or after exit status 0."""
+        return self._process.describe_end() if self._process.exit_status else None
+
     @property
     def running(self) -> bool:
         return self._process.running()
@@ -61,10 +65,25 @@ class StartedClient:
         self._process.close()
 
 
-def close_all(clients: Sequence[StartedClient]) -> None:
+class Ends(NamedTuple):
+    """Ends of the started clients after the session."""
+
+    bad: dict[str, str]  # by name, those with an exit status other than 0: what it was, and their last output
+    terminated: list[str]  # a line on each that did not end by itself
+
+
+def close_all(clients: Sequence[StartedClient]) -> Ends:
     """Wait for the clients to end by themselves, then terminate the others."""
-    deadline_s = time.monotonic() + _END_S
+    deadline_s = time.monotonic() + END_S
     while any(client.running for client in clients) and time.monotonic() < deadline_s:
         time.sleep(0.01)
+    bad: dict[str, str] = {}
+    terminated: list[str] = []
     for client in clients:
+        if client.running:
+            text = f"the companion {client.name} had not ended {END_S:g} s after the flight and was terminated"
+            terminated.append(f"{text}: what it writes in stop() may be incomplete")
+        elif (end := client.bad_end()) is not None:
+            bad[client.name] = end
         client.close()
+    return Ends(bad, terminated)

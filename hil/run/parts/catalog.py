@@ -12,6 +12,7 @@ from importlib import import_module
 
 from firmware_bridge.autopilots.settings import MockFaults
 from hil.config import Bench
+from hil.config.checks.limit_notes import limit_notes
 from hil.config.checks.part_settings import part_module
 from hil.config.schema import Faults
 from hil.run.part import Part
@@ -77,6 +78,8 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
     ("judges.unflown", _may_stay),
+    ("judges.radar_echoes", lambda bench: any(s.kind == "radar" for s in bench.config.sensors.values())),
+    ("judges.unjudged", lambda bench: bool(limit_notes(bench))),
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),

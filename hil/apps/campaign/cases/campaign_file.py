@@ -147,4 +147,7 @@ def is_campaign_file(path: Path) -> bool:
         data = read_yaml(_found(path)).data
     except ConfigError:
         return False
-    return isinstance(data, Mapping) and bool({"axes", "sampled", "repeats"} & set(data)) and "rig" not in data
+    if not isinstance(data, Mapping) or "rig" in data:
+        return False
+    # No key of a bench is one of these; `settings` alone may be a slip in one.
+    return bool({"axes", "sampled", "repeats", "samples", "bench"} & set(data)) or set(data) == {"settings"}

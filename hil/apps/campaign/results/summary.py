@@ -75,7 +75,7 @@ class Summary:
         self.pairs: dict[tuple[str, str], PairRates] = {pair: {} for pair in combinations(paired, 2)}
         self.margins: dict[str, Margins] = {}
         self.points: list[Point] = []  # of the first cases; cases are hashes, so these are a random sample
-        self.unmet = 0  # cases with a declared fault or gust that their flight did not meet
+        self.unmet = 0  # cases whose flight did not meet what they declare: a fault, a gust, or any flight
         self.unmet_example = ""
         self._judged = _Worst(MOST_LISTED, _badness)
         self._broken = _Worst(MOST_BROKEN, lambda case: (case.status, case.id))

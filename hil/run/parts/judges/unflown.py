@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from hil.config import Bench
 from hil.config.missions.script import Outcome
@@ -41,6 +42,7 @@ class UnflownPart(Part):
         self._out_of_time = False
         self._start_W: Vec3 | None = None  # from the first tick on
         self._moved = False
+        self._told = ""
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._observe]
@@ -56,7 +58,11 @@ class UnflownPart(Part):
         if self._moved and self._out_of_time and self._outcome == "aborted":
             run.say("warning", OUT_OF_TIME)
         if not self._moved and self._outcome != "aborted":
-            run.say("warning", ANY_OUTCOME if self._outcome == "any" else NO_PLAN if self._scripted else NOTHING_FLIES)
+            self._told = ANY_OUTCOME if self._outcome == "any" else NO_PLAN if self._scripted else NOTHING_FLIES
+            run.say("warning", self._told)
+
+    def run_keys(self) -> dict[str, Any]:
+        return {"unflown": self._told} if self._told else {}  # for what makes many runs
 
     def verdict(self) -> Verdict:
         begun = self._moved or self._start_W is None

@@ -128,7 +128,7 @@ def test_a_started_client_has_its_own_settings_over_those_of_all(
         started.append((cut, settings))
         if len(started) == 2:
             raise LinkClosed("companion", "it is not there")
-        return SimpleNamespace(running=False, close=lambda: None)
+        return SimpleNamespace(running=False, bad_end=lambda: None, close=lambda: None)
 
     monkeypatch.setattr(link, "StartedClient", start)
     lines = [

@@ -96,7 +96,7 @@ def test_clients_that_localise_themselves_learn_the_start(
         settings.append(given)
         if len(settings) == 2:
             raise LinkClosed("companion", "it is not there")
-        return SimpleNamespace(running=False, close=lambda: None)
+        return SimpleNamespace(running=False, bad_end=lambda: None, close=lambda: None)
 
     monkeypatch.setattr(link, "StartedClient", start)
     mine = "{name: detect, settings: {start: [1, 2, 3, 0]}}" if own else "detect"

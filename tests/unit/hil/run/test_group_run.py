@@ -93,6 +93,12 @@ def test_a_vehicle_that_cannot_begin_is_named_and_the_others_are_closed(tmp_path
     assert probe.closed
 
 
+def test_vehicles_that_never_flew_are_named(tmp_path: Path) -> None:
+    run = run_bench(bench(tmp_path), tmp_path / "out", quiet=True).run
+    assert run["unflown"].startswith("a: nothing was flown or judged: ")
+    assert "; b: nothing was flown or judged: " in run["unflown"]
+
+
 def test_pauses_of_one_vehicle_are_time_of_none(tmp_path: Path) -> None:
     """The dashboard of the first vehicle pauses the run of all."""
     result = run_bench(bench(tmp_path), tmp_path / "run", quiet=True, more=[Probe(paused_s=1000.0)])

@@ -29,6 +29,18 @@ def test_a_campaign_is_recognised_and_counted(tmp_path: Path, capsys: pytest.Cap
     assert (status, printed) == (0, "ok: campaign of 20 points, axes scene, wind.steady_W_mps.0\n")
 
 
+@pytest.mark.parametrize("text", ["bench: null\nsettings: {rig: mock}\n", "settings: {rig: mock}\n"])
+def test_a_campaign_without_axes_is_one(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was read as a bench, whose unknown keys were told."""
+    assert check(tmp_path, text, capsys) == (0, "ok: campaign of 1 points, axes none\n")
+
+
+def test_a_slip_in_a_bench_makes_no_campaign_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, printed = check(tmp_path, "vehicle: x500\nsettings: {mass_kg: 2}\n", capsys)
+    assert status == 2
+    assert "did you mean 'vehicle_settings'?" in printed
+
+
 def test_flights_that_would_wait_for_a_client_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD.replace("rig: mock", "rig: mock, foxglove: {port: 8765, paused: true}")
     status, printed = check(tmp_path, text, capsys)

@@ -88,10 +88,24 @@ def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
     )
     said = io.StringIO()
     assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
-    assert "warning: 1 case did not meet a declared fault or gust, such as " in said.getvalue()
+    assert "warning: 1 case without what was declared, such as " in said.getvalue()
     assert "gust at 300 s never began: the flight ended at" in said.getvalue()
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1
     assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 1
+
+
+def test_cases_in_which_nothing_flew_are_told(spec: Path, tmp_path: Path) -> None:
+    """Without a mission the vehicle stands at its start, which no limit minds: a campaign of them was green."""
+    spec.write_text(
+        "settings: {rig: mock, mission: null, duration_s: 3, autopilot: {transport: loopback}}\n"
+        "axes: {seed: [1, 2]}\nrecheck: 0.0\n"
+    )
+    said = io.StringIO()
+    assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
+    assert "warning: 2 cases say nothing about what they declare, such as " in said.getvalue()
+    assert "nothing was flown or judged" in said.getvalue()
+    assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 2
+    assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 2
 
 
 def test_second_flights_that_could_not_be_made_are_told(

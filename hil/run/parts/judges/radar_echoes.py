@@ -1,0 +1,26 @@
+"""Warns of a radar whose frames show nothing of the scene: no echo in any of them, or a converter that clips."""
+
+from __future__ import annotations
+
+from hil.config import Bench
+from hil.run.part import Part, RunContext
+
+_CLIPPED_SHARE = 0.01  # of the samples
+
+
+class RadarEchoesPart(Part):
+    name = "radar_echoes"
+
+    def conclude(self, run: RunContext) -> None:
+        for name, radar in run.sensors.radars.items():
+            counts = radar.counts
+            if counts.frames and not counts.echoes:
+                why = "look where it points (mount_rpy_deg), and at its mask"
+                run.say("warning", f"radar {name}: no echo in any of {counts.frames} frames: {why}")
+            if counts.clipped > _CLIPPED_SHARE * counts.samples:
+                share = f"the converter clipped {counts.clipped / counts.samples:.0%} of the samples"
+                run.say("warning", f"radar {name}: {share}, so that ranges and speeds are false ones; lower its gain")
+
+
+def make(bench: Bench) -> Part:  # noqa: ARG001
+    return RadarEchoesPart()
