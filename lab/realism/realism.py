@@ -7,7 +7,7 @@ First every network has to find what people have marked in two real photographs:
 
 The error of a row is the share of the objects that a network misses; the time is that of one picture. `recall` counts
 boxes from the network's score, `average_precision` is taken over all scores at IoU 0.5, and a false box is a box from
-that score that belongs to no object (matching.py).
+that score that belongs to no object and is as large as the objects that count (matching.py).
 """
 
 from __future__ import annotations
@@ -309,6 +309,7 @@ def _row(case: str, by: str, found: Tally, detector: Detector, times_s: Mapping[
         "own_label": _share(found.named, found.found),
         "average_precision": found.average_precision,
         "false_boxes_per_frame": found.false_per_frame,
+        "small_false_boxes_per_frame": found.small_false_per_frame,
         "threshold": found.threshold,
         "recall_by_size": {_size_text(bucket): _share(*counts) for bucket, counts in found.sizes.items()},
         "objects_by_size": {_size_text(bucket): counts[1] for bucket, counts in found.sizes.items()},
