@@ -289,7 +289,17 @@ class Greenhouse:
     def roof_point(self, x: float, share: float, out_m: float = 0.0) -> Vec3:
         """Return a point on the roof, at `share` (-1 to 1, to the left) of its half width."""
         y = self.shape.half_roof_m - _ROOF_INSET_M
-        return x, share * y, at_knots(self.shape.roof, x) + 0.05 * (1.0 - share * share) + out_m
+        return x, share * y, at_knots(self._roof_knots(), x) + 0.05 * (1.0 - share * share) + out_m
+
+    def roof_line_m(self, first: float, last: float) -> list[float]:
+        """Return where a line along the roof from `first` to `last` needs points, so that it lies on the faces."""
+        rear, front = sorted((first, last))
+        between = [x for x, _ in self._roof_knots() if rear < x < front]
+        return [rear, *between, front] if first == rear else [front, *between[::-1], rear]
+
+    def _roof_knots(self) -> list[Vec2]:
+        """Return (x, z) of the corners of the roof's faces along its edge, from the rear."""
+        return [(x, at_knots(self.shape.roof, x)) for x in sorted({c.roof[0] for c in self.shape.columns})]
 
     def _open(self, open_front: bool) -> list[int]:
         return self._panes()[2:3] if open_front else []

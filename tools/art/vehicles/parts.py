@@ -25,6 +25,8 @@ MATERIALS = (
     "cloth",
     "hair",
 )
+# Lines on the paint: gaps between panels, and beads pressed into sheet. They become a part of its mesh.
+LINES = ("gap", "bead")
 
 
 @dataclass(frozen=True)
