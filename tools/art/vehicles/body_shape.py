@@ -28,6 +28,7 @@ _ACROSS = (0.0, 0.10, 0.3, 0.5, 0.7, 0.90, 1.0)  # of a strip from the left shou
 _CROWN_M = 0.045
 _RINGS = (0.0, 0.06, 0.5, 0.93, 1.0)  # of the greenhouse, from its base to the roof
 _ROOF_INSET_M = 0.055  # of the roof's edge from the panes' plane
+_ROOF_STEP_M = 0.2  # least distance of the points of a line along the roof
 _BULGE_M = 0.02
 
 
@@ -294,8 +295,13 @@ class Greenhouse:
     def roof_line_m(self, first: float, last: float) -> list[float]:
         """Return where a line along the roof from `first` to `last` needs points, so that it lies on the faces."""
         rear, front = sorted((first, last))
-        between = [x for x, _ in self._roof_knots() if rear < x < front]
-        return [rear, *between, front] if first == rear else [front, *between[::-1], rear]
+        line = [rear]
+        line += [x for x, _ in self._roof_knots() if rear + _ROOF_STEP_M < x < front - _ROOF_STEP_M]
+        for at in range(len(line) - 1, 0, -1):  # corners that lie close together need one point only
+            if line[at] - line[at - 1] < _ROOF_STEP_M:
+                del line[at]
+        line.append(front)
+        return line if first == rear else line[::-1]
 
     def _roof_knots(self) -> list[Vec2]:
         """Return (x, z) of the corners of the roof's faces along its edge, from the rear."""

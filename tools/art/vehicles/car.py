@@ -11,7 +11,7 @@ from tools.art.vehicles.body_shape import Greenhouse, LowerBody, arch_points, sk
 from tools.art.vehicles.car_shape import CarShape
 from tools.art.vehicles.driver import add_cabin
 from tools.art.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube, mix
-from tools.art.vehicles.parts import LINES, MATERIALS, Parts, Proxy, add_plate, axle_proxies
+from tools.art.vehicles.parts import BEAD, MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from tools.art.vehicles.wheels import add_wheel
 
 _TYRE_M = 0.21  # width
@@ -20,7 +20,7 @@ _VAN_M = 1.9  # cars are lower
 
 def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
-    parts = {name: Mesh.empty() for name in (*MATERIALS, *LINES)}
+    parts = {name: Mesh.empty() for name in (*MATERIALS, BEAD)}
     body = LowerBody(shape)
     cabin = Greenhouse(shape, body)
     body.add_to(parts["paint"])
@@ -33,7 +33,7 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels:
     _add_face(parts, body)
     _add_rear(parts, body)
     _add_seams(parts, body)
-    _add_lids(parts["gap"], body)
+    _add_lids(parts["trim"], body)
     _add_roof(parts, cabin)
     if shape.height_m > _VAN_M:
         _add_van_sides(parts["trim"], body)
@@ -162,7 +162,7 @@ def _add_rear(parts: Parts, body: LowerBody) -> None:
     # Seam between bumper and boot lid.
     seam = [body.rear_at_y(y) for y in (0.74, 0.4, 0.0)]
     z = mix(s.clearance_m, body.shoulder_m(-0.5 * s.length_m), 0.50)
-    _mirrored(parts["gap"], skin_patch(body, seam, [z - 0.005] * 3, [z + 0.005] * 3, 0.004))
+    _mirrored(parts["trim"], skin_patch(body, seam, [z - 0.005] * 3, [z + 0.005] * 3, 0.004))
 
 
 def _add_seams(parts: Parts, body: LowerBody) -> None:
@@ -174,12 +174,12 @@ def _add_seams(parts: Parts, body: LowerBody) -> None:
         top = body.shoulder_m(x) - 0.03
         stations = [body.at_x(x + half), body.at_x(x - half)]
         low = max(bottom, body.low_m(x) + 0.02)
-        _mirrored(parts["gap"], skin_patch(body, stations, [low] * 2, [top] * 2, 0.004, 6))
+        _mirrored(parts["trim"], skin_patch(body, stations, [low] * 2, [top] * 2, 0.004, 6))
     front, rear = s.doors_x_m[0], s.doors_x_m[-1]
     count = 6
     stations = [body.at_x(mix(front, rear, k / (count - 1))) for k in range(count)]
     lows = [max(bottom, body.low_m(mix(front, rear, k / (count - 1))) + 0.02) for k in range(count)]
-    _mirrored(parts["gap"], skin_patch(body, stations, [z - half for z in lows], [z + half for z in lows], 0.004))
+    _mirrored(parts["trim"], skin_patch(body, stations, [z - half for z in lows], [z + half for z in lows], 0.004))
     for x in s.doors_x_m[1:]:
         z = body.shoulder_m(x) - 0.14
         p = body.point(body.at_x(x + 0.17), z, 0.0)
@@ -190,7 +190,7 @@ def _add_seams(parts: Parts, body: LowerBody) -> None:
             )  # fmt: skip
 
 
-def _add_lids(gap: Mesh, body: LowerBody) -> None:
+def _add_lids(trim: Mesh, body: LowerBody) -> None:
     """Add the gaps beside and before the bonnet, and those of a boot lid if the car has one."""
     s = body.shape
     cowl, nose = s.columns[3].base[0] + 0.10, 0.5 * s.length_m - 0.05 - 0.62 * s.corner_front[0]
@@ -198,14 +198,14 @@ def _add_lids(gap: Mesh, body: LowerBody) -> None:
     for side in (1.0, -1.0):
         edges = (side * 0.83, side * 0.845)
         rows = [[body.lid_point(x, share, 0.004) for x in xs] for share in edges]
-        add_sheet(gap, rows, flipped=side > 0)
+        add_sheet(trim, rows, flipped=side > 0)
     ends = [(nose, nose - 0.012)]
     tail = s.columns[-1].base[0]
     if tail + 0.5 * s.length_m > 0.35:
         ends.append((tail - 0.06, tail - 0.072))
     for front, rear in ends:
         shares = [-0.83, -0.4, 0.0, 0.4, 0.83]
-        add_sheet(gap, [[body.lid_point(x, share, 0.004) for share in shares] for x in (front, rear)], flipped=True)
+        add_sheet(trim, [[body.lid_point(x, share, 0.004) for share in shares] for x in (front, rear)], flipped=True)
 
 
 def _add_roof(parts: Parts, cabin: Greenhouse) -> None:
@@ -214,9 +214,9 @@ def _add_roof(parts: Parts, cabin: Greenhouse) -> None:
     s = cabin.shape
     first, last = s.roof[-1][0] - 0.06, s.roof[0][0] + 0.04
     xs = cabin.roof_line_m(first, last)
-    lines = [("gap", 0.90, 0.935, 0.014), ("gap", -0.935, -0.90, 0.014)]
+    lines = [("trim", 0.90, 0.935, 0.014), ("trim", -0.935, -0.90, 0.014)]
     if s.height_m > _VAN_M:
-        lines += [("bead", share - 0.03, share + 0.03, 0.010) for share in (-0.6, -0.2, 0.2, 0.6)]
+        lines += [(BEAD, share - 0.03, share + 0.03, 0.010) for share in (-0.6, -0.2, 0.2, 0.6)]
     for name, low, high, out in lines:
         rows = [[cabin.roof_point(x, share, out) for x in xs] for share in (low, high)]
         add_sheet(parts[name], rows, flipped=True)
@@ -246,7 +246,7 @@ def _add_van_sides(trim: Mesh, body: LowerBody) -> None:
 
 def _add_van_panels(parts: Parts, body: LowerBody, cabin: Greenhouse) -> None:
     """Add the gaps of sliding and rear doors above the shoulder, and the panels pressed into the sides."""
-    heights = [mix(0.02, 0.90, k / 5) for k in range(6)]
+    heights = [mix(0.02, 0.90, k / 3) for k in range(4)]
     columns = cabin.shape.columns
 
     def column_at(x: float) -> float:
@@ -261,21 +261,21 @@ def _add_van_panels(parts: Parts, body: LowerBody, cabin: Greenhouse) -> None:
 
     doors = cabin.shape.doors_x_m[1:]
     for x in doors:
-        strip(parts["gap"], [x + 0.006, x - 0.006], heights)
+        strip(parts["trim"], [x + 0.006, x - 0.006], heights)
     rear = cabin.shape.wheels_x_m[1] - 0.86
-    edges = [doors[0], doors[1], 0.5 * (doors[1] + rear), rear]
+    edges = [*doors, rear]
     for front, back in pairwise(edges):
-        ends = [mix(front - 0.07, back + 0.07, k / 4) for k in range(5)]
+        ends = [mix(front - 0.07, back + 0.07, k / 2) for k in range(3)]
         for share in (0.12, 0.80):
-            strip(parts["bead"], ends, [share, share + 0.03])
+            strip(parts[BEAD], ends, [share, share + 0.03])
         for x in (ends[0], ends[-1] + 0.03):
-            strip(parts["bead"], [x, x - 0.03], [mix(0.15, 0.80, k / 4) for k in range(5)])
+            strip(parts[BEAD], [x, x - 0.03], [0.15, 0.80])
     last = len(columns) - 1.0
     half = 0.007 / (columns[-2].base[1] * cabin.shape.half_base_m)  # of the last column, which ends in the middle
-    _mirrored(parts["gap"], [[cabin.point(c, share, 0.010) for c in (last - half, last)] for share in heights])
+    _mirrored(parts["trim"], [[cabin.point(c, share, 0.010) for c in (last - half, last)] for share in heights])
     low, high = cabin.shape.clearance_m + 0.35, body.shoulder_m(-0.5 * cabin.shape.length_m)
     middle = [body.rear_at_y(y) for y in (0.007, 0.0)]
-    _mirrored(parts["gap"], skin_patch(body, middle, [low] * 2, [high] * 2, 0.006, 5))
+    _mirrored(parts["trim"], skin_patch(body, middle, [low] * 2, [high] * 2, 0.006, 5))
 
 
 def _add_mirrors(parts: Parts, body: LowerBody, shape: CarShape) -> None:

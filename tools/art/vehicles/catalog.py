@@ -15,8 +15,8 @@ from tools.art.vehicles.car import car_parts, car_proxies, wheel_centres, wheel_
 from tools.art.vehicles.car_shape import SHAPES, CarShape, varied
 from tools.art.vehicles.lorry import lorry_parts, lorry_proxies
 from tools.art.vehicles.motorcycle import motorcycle_parts, motorcycle_proxies
-from tools.art.vehicles.paint import reflecting, with_lines
-from tools.art.vehicles.parts import LINES, Parts, Proxy
+from tools.art.vehicles.paint import reflecting, with_beads
+from tools.art.vehicles.parts import BEAD, Parts, Proxy
 
 Made = tuple[Pieces, dict[str, Any]]
 _DRIVEN = ("sedan", "hatchback", "estate", "suv")
@@ -36,12 +36,11 @@ def _made(pieces: dict[str, Parts], proxies: list[Proxy], **facts: object) -> Ma
 
 
 def _painted(parts: Parts) -> Parts:
-    """Return the parts with texture coordinates of the paint, and with the lines as a part of it."""
-    drawn = {name: mesh for name, mesh in parts.items() if name not in LINES}
-    if "paint" in parts:
-        gaps, beads = (parts.get(name, Mesh.empty()) for name in LINES)
-        drawn["paint"] = with_lines(reflecting(parts["paint"]), gaps, beads)
-    return drawn
+    """Return the parts with texture coordinates of the paint, and with the beads as a part of it."""
+    if "paint" not in parts:
+        return parts
+    paint = with_beads(reflecting(parts["paint"]), parts.get(BEAD, Mesh.empty()))
+    return {name: mesh for name, mesh in parts.items() if name != BEAD} | {"paint": paint}
 
 
 def _parked(shape: CarShape, spokes: int, driver: bool) -> Made:

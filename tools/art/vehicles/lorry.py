@@ -5,7 +5,7 @@ from __future__ import annotations
 from sim.scene.maps.meshes import Mesh
 from tools.art.vehicles.blocks import Ring, add_block, add_disc_sheet, add_end_sheet, add_side_sheet
 from tools.art.vehicles.lofts import add_box, add_sheet, add_tube
-from tools.art.vehicles.parts import LINES, MATERIALS, Parts, Proxy, add_plate, axle_proxies
+from tools.art.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from tools.art.vehicles.wheels import add_steel_wheel
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 8.0, 2.5, 3.3
@@ -26,7 +26,7 @@ _DEFLECTOR: tuple[Ring, ...] = (
 
 
 def lorry_parts() -> Parts:
-    parts = {name: Mesh.empty() for name in (*MATERIALS, *LINES)}
+    parts = {name: Mesh.empty() for name in MATERIALS}
     paint, glass, trim, rim, head, tail, box = (
         parts[name] for name in ("paint", "glass", "trim", "rim", "head_lamp", "tail_lamp", "box")
     )
@@ -60,8 +60,8 @@ def lorry_parts() -> Parts:
         add_sheet(glass, pane)
         glass.uvs[first:] = [(u, 0.5 * v) for u, v in glass.uvs[first:]]  # the side window of the texture
         for x in (2.62, 3.80):
-            add_side_sheet(parts["gap"], x, x + 0.018, 0.80, 1.48, side * (_CAB + 0.004))
-        add_side_sheet(parts["gap"], 2.62, 3.82, 0.78, 0.80, side * (_CAB + 0.004))
+            add_side_sheet(trim, x, x + 0.018, 0.80, 1.48, side * (_CAB + 0.004))
+        add_side_sheet(trim, 2.62, 3.82, 0.78, 0.80, side * (_CAB + 0.004))
         # The lower edge of the cab, dark from bumper to wheel and behind it.
         for rear, front in ((3.42, 3.80), (2.14, 2.28)):
             add_side_sheet(trim, rear, front, 0.44, 0.62, side * (_CAB + 0.005))
@@ -134,7 +134,7 @@ def _add_ends(parts: Parts) -> None:
     add_end_sheet(trim, 3.988, 3.988, -0.72, 0.72, 0.66, 1.22, 1.0)
     for z in (0.70, 0.835, 0.97, 1.105):
         add_box(parts["paint"], (3.96, -0.70, z), (4.0, 0.70, z + 0.035))
-    add_end_sheet(parts["gap"], 3.984, 3.984, -0.90, 0.90, 1.28, 1.298, 1.0)
+    add_end_sheet(trim, 3.984, 3.984, -0.90, 0.90, 1.28, 1.298, 1.0)
     add_end_sheet(rim, 3.996, 3.996, -0.075, 0.075, 1.31, 1.38, 1.0)
     # Visor above the windscreen, and wipers.
     add_block(trim, ((2.36, 3.60, 3.86, 0.98), (2.42, 3.60, 3.92, 0.99), (2.46, 3.56, 3.84, 0.97)), 0.05, steps=2)

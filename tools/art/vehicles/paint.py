@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from sim.scene.maps.meshes import Mesh, Vec2
 
-# Texture coordinates of a gap between two panels, in the shade of the paint's own colour, and of a bead in a sheet.
-_GAP: Vec2 = (0.5, 0.5 / 128.0)
+# Texture coordinate of beads: somewhat darker than the sheet beside them.
 _BEAD: Vec2 = (0.5, 0.52)
 
 
@@ -16,12 +15,11 @@ def reflecting(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, uvs, mesh.triangles)
 
 
-def with_lines(paint: Mesh, gaps: Mesh, beads: Mesh) -> Mesh:
-    """Return a painted mesh with the lines on it: the same material, darker by their texture coordinates."""
-    whole = Mesh(list(paint.vertices), list(paint.uvs), list(paint.triangles))
-    for lines, uv in ((gaps, _GAP), (beads, _BEAD)):
-        first = len(whole.vertices)
-        whole.vertices += lines.vertices
-        whole.uvs += [uv] * len(lines.vertices)
-        whole.triangles += [(a + first, b + first, c + first) for a, b, c in lines.triangles]
-    return whole
+def with_beads(paint: Mesh, beads: Mesh) -> Mesh:
+    """Return a painted mesh with the beads on it, which differ from it by their texture coordinate only."""
+    first = len(paint.vertices)
+    return Mesh(
+        paint.vertices + beads.vertices,
+        paint.uvs + [_BEAD] * len(beads.vertices),
+        paint.triangles + [(a + first, b + first, c + first) for a, b, c in beads.triangles],
+    )

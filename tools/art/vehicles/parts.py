@@ -25,8 +25,8 @@ MATERIALS = (
     "cloth",
     "hair",
 )
-# Lines on the paint: gaps between panels, and beads pressed into sheet. They become a part of its mesh.
-LINES = ("gap", "bead")
+# Beads pressed into painted sheet. They become a part of the paint's mesh.
+BEAD = "bead"
 
 
 @dataclass(frozen=True)
