@@ -117,7 +117,7 @@ def _add_face(parts: Parts, body: LowerBody) -> None:
     lower, upper, inner = s.lamp_front
     begin = body.front_at_y(inner)
     end = body.at_x(0.5 * s.length_m - 0.05 - 0.72 * s.corner_front[0])
-    for name, out, shrink in (("trim", 0.006, 0.0), ("head_lamp", 0.012, 0.008)):
+    for name, out, shrink in (("trim", 0.006, 0.0), ("head_lamp", 0.012, 0.014)):
         columns = [mix(begin, end, k / 5) for k in range(6)]
         lows = [mix(lower, upper - 0.05, (k / 5) * (k / 5)) + shrink for k in range(6)]
         highs = [mix(upper - 0.02, upper + 0.03, k / 5) - shrink for k in range(6)]
