@@ -59,6 +59,7 @@ _ALLOWED: dict[str, tuple[str, ...] | None] = {
     "networks": tuple(kind.name for kind in NETWORKS),
     "qualities": tuple(QUALITIES),
     "frames": None,
+    "elevation": None,
 }
 
 
@@ -72,6 +73,7 @@ class Selection:
     networks: tuple[str, ...]
     qualities: tuple[str, ...]
     frames: int | None
+    elevation_deg: tuple[float, float] | None  # of the camera, seen from the object; None: that of a low flight
     quick: bool
     complete: bool  # all of it, so that all checks apply
 
@@ -159,9 +161,18 @@ def select(options: Mapping[str, str], *, quick: bool) -> Selection:
         networks=values.get("networks", tuple(kind.name for kind in NETWORKS)),
         qualities=values.get("qualities", (QUALITY,) if quick else tuple(QUALITIES)),
         frames=int(values["frames"][0]) if values.get("frames") else None,
+        elevation_deg=_range_deg(values["elevation"][0]) if values.get("elevation") else None,
         quick=quick,
         complete=not options and not quick,
     )
+
+
+def _range_deg(text: str) -> tuple[float, float]:
+    """Return the range of elevations, such as `40-60` [deg]. Raises ConfigError."""
+    low, _, high = text.partition("-")
+    if not (low.isdecimal() and high.isdecimal() and int(low) < int(high) <= 90):
+        raise ConfigError([Problem("--set", f"elevation must not be {text!r}", "two angles up to 90 degrees: 40-60")])
+    return float(low), float(high)
 
 
 def _detectors(result: RealismResult, selection: Selection, status: ShowStatus) -> list[Detector]:
@@ -198,7 +209,7 @@ def _detectors(result: RealismResult, selection: Selection, status: ShowStatus) 
 def _frames(selection: Selection, status: ShowStatus) -> Iterator[Frame]:
     for seed in selection.seeds:
         for scene in selection.scenes:
-            scenario = Scenario(scene, seed)
+            scenario = Scenario(scene, seed, selection.elevation_deg)
             for kind in scenario.kinds:
                 if selection.kinds and kind.name not in selection.kinds:
                     continue

@@ -43,7 +43,8 @@ def is_closed(mesh: ShippedMesh, chosen: np.ndarray | None = None) -> bool:
     """Return True if each edge between places belongs to two of the (chosen) triangles in opposite directions."""
     places: dict[tuple[float, ...], int] = {}
     vertices = [tuple(vertex) for vertex in mesh.vertices.tolist()]
-    corners = [[places.setdefault(vertices[i], len(places)) for i in triangle] for triangle in mesh.triangles[chosen if chosen is not None else ...]]
+    triangles = mesh.triangles if chosen is None else mesh.triangles[chosen]
+    corners = [[places.setdefault(vertices[i], len(places)) for i in triangle] for triangle in triangles]
     edges = [(t[k], t[(k + 1) % 3]) for t in corners for k in range(3)]
     return len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
 
