@@ -152,7 +152,7 @@ class Scenario:
         azimuth = rng.uniform(-math.pi, math.pi)
         east, north = math.cos(azimuth), math.sin(azimuth)
         if self._elevation_deg is not None:
-            distance = math.exp(rng.uniform(*(math.log(each) for each in _FROM_ABOVE_M)))
+            distance = math.exp(rng.uniform(math.log(_FROM_ABOVE_M[0]), math.log(_FROM_ABOVE_M[1])))
             elevation = math.radians(rng.uniform(*self._elevation_deg))
             reach = math.hypot(half[0], half[1]) + distance
             offset = np.array([math.cos(elevation) * east, math.cos(elevation) * north, math.sin(elevation)])
