@@ -4,6 +4,9 @@ A pose looks at one object from 1.8 to 15 m (logarithmically uniform, from the s
 to 6 m up, from any azimuth and at a random time of the scene; the object is within 12 degrees across and 8 degrees up
 or down of the picture's middle. A pose is drawn again until the sky is free above the camera, nothing is closer than
 0.5 m, and the object counts (`Truth.counts`). All draws come from one generator of scene, seed and kind.
+
+With a range of elevations, the camera stands at an elevation of that range seen from the object's middle, 3 to 16 m
+beyond its outline: for views from far above, which the poses of a low flight hardly have.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ _NEAR_M, _FAR_M = 0.05, 1000.0
 _DISTANCE_M, _HEIGHT_M = (1.8, 15.0), (1.2, 6.0)
 _MAX_DOWN_DEG = 50.0
 _YAW_DEG, _PITCH_DEG, _ROLL_DEG = 12.0, 8.0, 3.0
+_FROM_ABOVE_M = (3.0, 16.0)
 _CLEAR_M = 0.5
 _TRIES = 40  # for each frame
 _PERSON = BY_NAME["person"]
@@ -85,10 +89,10 @@ class Frame:
 
 
 class Scenario:
-    """Scene with one seed of its map, from which frames are taken."""
+    """Scene with one seed of its map, from which frames are taken; `elevation_deg`: lowest and highest elevation."""
 
-    def __init__(self, scene: str, seed: int | None) -> None:
-        self.scene, self.seed = scene, seed
+    def __init__(self, scene: str, seed: int | None, elevation_deg: tuple[float, float] | None = None) -> None:
+        self.scene, self.seed, self._elevation_deg = scene, seed, elevation_deg
         self.world: World = load_world(load_scene(scene), map_seed=seed)
         self.objects = objects_of(self.world)
         self._frames = SharedFrames(self.world)
@@ -112,6 +116,7 @@ class Scenario:
         if not names:
             return
         text = f"{self.scene} {self.seed} {kind.name}"
+        text += "" if self._elevation_deg is None else f" {self._elevation_deg}"
         rng = np.random.Generator(np.random.Philox(list(text.encode())))
         turn = 0
         for number in range(count):
@@ -146,19 +151,35 @@ class Scenario:
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         azimuth = rng.uniform(-math.pi, math.pi)
         east, north = math.cos(azimuth), math.sin(azimuth)
+        if self._elevation_deg is not None:
+            distance = math.exp(rng.uniform(math.log(_FROM_ABOVE_M[0]), math.log(_FROM_ABOVE_M[1])))
+            elevation = math.radians(rng.uniform(*self._elevation_deg))
+            reach = math.hypot(half[0], half[1]) + distance
+            offset = np.array([math.cos(elevation) * east, math.cos(elevation) * north, math.sin(elevation)])
+            p_W = middle + reach * offset
+            p_W[2] = max(p_W[2], low[2] + _HEIGHT_M[0])
+            return self._aimed(rng, p_W, middle, azimuth), distance
         side = min(half[0] / max(abs(east), 1e-9), half[1] / max(abs(north), 1e-9))
         distance = math.exp(rng.uniform(math.log(_DISTANCE_M[0]), math.log(_DISTANCE_M[1])))
         ground = (side + distance) * math.tan(math.radians(_MAX_DOWN_DEG))
         height = rng.uniform(_HEIGHT_M[0], max(_HEIGHT_M[0], min(_HEIGHT_M[1], middle[2] + ground)))
         p_W = middle + (side + distance) * np.array([east, north, 0.0])
         p_W[2] = low[2] + height
-        down_deg = math.degrees(math.atan2(p_W[2] - middle[2], side + distance))
+        return self._aimed(rng, p_W, middle, azimuth), distance
+
+    @staticmethod
+    def _aimed(
+        rng: np.random.Generator, p_W: NDArray[np.float64], middle: NDArray[np.float64], azimuth: float
+    ) -> CameraPose:
+        """Return a pose that looks back at `middle`, which lies away from the picture's middle by chance."""
+        across = math.hypot(p_W[0] - middle[0], p_W[1] - middle[1])
+        down_deg = math.degrees(math.atan2(p_W[2] - middle[2], across))
         R_WC = looking(
             math.degrees(azimuth) + 180.0 + rng.uniform(-_YAW_DEG, _YAW_DEG),
             down_deg + rng.uniform(-_PITCH_DEG, _PITCH_DEG),
             roll_deg=rng.uniform(-_ROLL_DEG, _ROLL_DEG),
         )
-        return camera_pose(p_W, R_WC), distance
+        return camera_pose(p_W, R_WC)
 
     def _bounds(self, instance: int, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the axis-aligned box of an object's visible geoms in W [m]."""

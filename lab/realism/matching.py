@@ -5,7 +5,10 @@ better one counts. Each is matched with the object of its group that it overlaps
 right if no better box has that object, otherwise a duplicate. A box without a match is false. Average precision counts
 both as false positives (Pascal VOC 2010), the number of false boxes only the latter. Objects that are hidden or small
 (`Truth.counts` is False) are ignored: so is every box that has such an object as its match, or at least half of its
-area on one. Recall and false boxes count boxes from the network's threshold, average precision all of them.
+area on one. So is a box without a match that is smaller than any object that counts (its longer side is below
+`MIN_PX`): as in COCO's evaluation of a range of sizes, objects and boxes are judged over the same range. Such boxes are
+counted apart, as small false boxes. Recall and false boxes count boxes from the network's threshold, average precision
+all of them.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hil.config.companion.clients import make_client_importable
-from lab.realism.frames import Truth
+from lab.realism.frames import MIN_PX, Truth
 from lab.realism.kinds import Kind, group_labels
 from lab.realism.networks import Found, area, shared_area
 
@@ -28,7 +31,7 @@ from hil.apps.detect.average_precision import ClassResult  # noqa: E402
 
 MIN_IOU, IGNORED_SHARE = 0.5, 0.5
 BUCKETS_PX = ((40.0, 80.0), (80.0, 160.0), (160.0, float("inf")))
-RIGHT, DUPLICATE, FALSE, IGNORED = 1, 2, 0, -1
+RIGHT, DUPLICATE, FALSE, IGNORED, SMALL = 1, 2, 0, -1, -2
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,8 @@ def match_group(truths: Sequence[Truth], boxes: Sequence[Found], group: str) -> 
             matches.append(Match(one, outcome, row if outcome == RIGHT else -1))
         else:
             covered = shared_area(box, hidden) >= IGNORED_SHARE * max(float(area(box)), 1e-9)
-            matches.append(Match(one, IGNORED if covered.any() else FALSE, -1))
+            small = max(box[2] - box[0], box[3] - box[1]) < MIN_PX
+            matches.append(Match(one, IGNORED if covered.any() else SMALL if small else FALSE, -1))
     return matches
 
 
@@ -80,6 +84,7 @@ class Tally:
     found: int = 0  # from the threshold, under any label of the group
     named: int = 0  # of those, under a label of the kind
     false_boxes: int = 0  # from the threshold, of the group
+    small_false_boxes: int = 0  # the same, smaller than any object that counts
     sizes: dict[tuple[float, float], list[int]] = field(
         default_factory=lambda: {bucket: [0, 0] for bucket in BUCKETS_PX}
     )  # found and objects by the longer side of the box
@@ -98,7 +103,8 @@ class Tally:
                     continue  # an object of another kind of the group
                 if counts:
                     found[match.truth] = match.found.label
-            elif match.outcome == IGNORED:
+            elif match.outcome in (IGNORED, SMALL):
+                self.small_false_boxes += counts and match.outcome == SMALL
                 continue
             self.false_boxes += counts and match.outcome == FALSE
             self._scores.append(match.found.score)
@@ -132,3 +138,8 @@ class Tally:
     def false_per_frame(self) -> float:
         """False boxes of the group per frame."""
         return self.false_boxes / self.frames if self.frames else float("nan")
+
+    @property
+    def small_false_per_frame(self) -> float:
+        """Small false boxes of the group per frame."""
+        return self.small_false_boxes / self.frames if self.frames else float("nan")

@@ -7,7 +7,7 @@ First every network has to find what people have marked in two real photographs:
 
 The error of a row is the share of the objects that a network misses; the time is that of one picture. `recall` counts
 boxes from the network's score, `average_precision` is taken over all scores at IoU 0.5, and a false box is a box from
-that score that belongs to no object (matching.py).
+that score that belongs to no object and is as large as the objects that count (matching.py).
 """
 
 from __future__ import annotations
@@ -59,6 +59,7 @@ _ALLOWED: dict[str, tuple[str, ...] | None] = {
     "networks": tuple(kind.name for kind in NETWORKS),
     "qualities": tuple(QUALITIES),
     "frames": None,
+    "elevation": None,
 }
 
 
@@ -72,6 +73,7 @@ class Selection:
     networks: tuple[str, ...]
     qualities: tuple[str, ...]
     frames: int | None
+    elevation_deg: tuple[float, float] | None  # of the camera, seen from the object; None: that of a low flight
     quick: bool
     complete: bool  # all of it, so that all checks apply
 
@@ -159,9 +161,18 @@ def select(options: Mapping[str, str], *, quick: bool) -> Selection:
         networks=values.get("networks", tuple(kind.name for kind in NETWORKS)),
         qualities=values.get("qualities", (QUALITY,) if quick else tuple(QUALITIES)),
         frames=int(values["frames"][0]) if values.get("frames") else None,
+        elevation_deg=_range_deg(values["elevation"][0]) if values.get("elevation") else None,
         quick=quick,
         complete=not options and not quick,
     )
+
+
+def _range_deg(text: str) -> tuple[float, float]:
+    """Return the range of elevations, such as `40-60` [deg]. Raises ConfigError."""
+    low, _, high = text.partition("-")
+    if not (low.isdecimal() and high.isdecimal() and int(low) < int(high) <= 90):
+        raise ConfigError([Problem("--set", f"elevation must not be {text!r}", "two angles up to 90 degrees: 40-60")])
+    return float(low), float(high)
 
 
 def _detectors(result: RealismResult, selection: Selection, status: ShowStatus) -> list[Detector]:
@@ -198,7 +209,7 @@ def _detectors(result: RealismResult, selection: Selection, status: ShowStatus) 
 def _frames(selection: Selection, status: ShowStatus) -> Iterator[Frame]:
     for seed in selection.seeds:
         for scene in selection.scenes:
-            scenario = Scenario(scene, seed)
+            scenario = Scenario(scene, seed, selection.elevation_deg)
             for kind in scenario.kinds:
                 if selection.kinds and kind.name not in selection.kinds:
                     continue
@@ -309,6 +320,7 @@ def _row(case: str, by: str, found: Tally, detector: Detector, times_s: Mapping[
         "own_label": _share(found.named, found.found),
         "average_precision": found.average_precision,
         "false_boxes_per_frame": found.false_per_frame,
+        "small_false_boxes_per_frame": found.small_false_per_frame,
         "threshold": found.threshold,
         "recall_by_size": {_size_text(bucket): _share(*counts) for bucket, counts in found.sizes.items()},
         "objects_by_size": {_size_text(bucket): counts[1] for bucket, counts in found.sizes.items()},

@@ -43,6 +43,25 @@ def test_poses_are_those_of_a_low_drone_and_repeat(scene: Path) -> None:
         assert frame.truths[0].counts
 
 
+def test_poses_from_above_keep_to_their_elevations(scene: Path) -> None:
+    scenario = Scenario(str(scene), None, (40.0, 60.0))
+    middle = np.array([10.0, 0.0, 0.7])
+    poses = []
+    draw = scenario._draw_pose
+    scenario._draw_pose = lambda *args: poses.append(draw(*args)) or poses[-1]  # type: ignore[method-assign]
+    frames = [pose[0] for pose in scenario.poses(CAR, 6, lambda _: ("low",))]
+    assert len(frames) == 6
+    for pose, distance_m in poses:
+        away = np.array(pose.p_WC) - middle
+        elevation_deg = np.degrees(np.arctan2(away[2], np.hypot(away[0], away[1])))
+        assert 40.0 <= elevation_deg <= 60.0
+        assert 3.0 <= distance_m <= 16.0
+        # The middle is in the picture, within 12 degrees across and 8 degrees up or down.
+        x, y, z = np.array(pose.R_WC).reshape(3, 3).T @ -away
+        assert z > 0.0
+        assert abs(np.degrees(np.arctan2(np.hypot(x, y), z))) < 16.0
+
+
 def test_the_box_is_that_of_the_projected_corners(scene: Path) -> None:
     scenario = Scenario(str(scene), None)
     eye, R_WC = np.array([2.0, 3.0, 2.5]), looking(-20.0, 12.0, roll_deg=2.0)

@@ -8,7 +8,7 @@ import pytest
 
 from lab.realism.frames import Truth
 from lab.realism.kinds import BY_NAME, KINDS, group_labels, kind_of
-from lab.realism.matching import DUPLICATE, FALSE, IGNORED, RIGHT, Tally, match_group
+from lab.realism.matching import DUPLICATE, FALSE, IGNORED, RIGHT, SMALL, Tally, match_group
 from lab.realism.networks import Found
 
 CAR, BUS, PERSON = BY_NAME["vehicle"], BY_NAME["bus"], BY_NAME["person"]
@@ -45,6 +45,17 @@ def test_the_better_of_two_boxes_has_the_object() -> None:
     assert match_group([truth(0.0)], boxes, "vehicle")[0].found.score == 0.8
     tally = tally_of([truth(0.0)], boxes)
     assert (tally.found, tally.false_boxes) == (1, 0)
+
+
+def test_boxes_smaller_than_any_object_that_counts_are_counted_apart() -> None:
+    # Objects count from 40 px on their longer side; so do false boxes.
+    boxes = [found(200.0, 0.9, side=39.0), found(300.0, 0.8, side=40.0), found(400.0, 0.2, side=30.0)]
+    assert outcomes([truth(0.0)], boxes) == [SMALL, FALSE, SMALL]
+    tally = tally_of([truth(0.0)], boxes)
+    assert (tally.false_boxes, tally.small_false_boxes) == (1, 1)  # the third is below the threshold
+    assert tally.small_false_per_frame == 1.0
+    # A small box that finds an object is right.
+    assert outcomes([truth(0.0, side=44.0)], [found(0.0, 0.9, side=39.0)]) == [RIGHT]
 
 
 def test_of_overlapping_boxes_of_a_group_the_best_counts() -> None:

@@ -122,6 +122,8 @@ def seen_car() -> realism.Seen:
         ({"frames": "0"}, "frames must not be '0'"),
         ({"seeds": "one"}, "seeds must not be 'one'"),
         ({"qualities": ""}, "qualities must not be empty"),
+        ({"elevation": "60-40"}, "elevation must not be '60-40'"),
+        ({"elevation": "40"}, "elevation must not be '40'"),
     ],
 )
 def test_wrong_options_are_named(options: dict[str, str], message: str) -> None:

@@ -84,23 +84,23 @@ _LIVERIES = (
 def box_body(number: int) -> NDArray[np.uint8]:
     """Return the body of a lorry, 512 x 256 pixels: a side above; rear doors (left) and roof (right) below.
 
-    White sheet in panels with seams and rivets, streaks of dirt, a livery of two bands, and the reflecting tape of the
-    lower edge. Bodies all of one dark colour were found less often by networks trained on photographs.
+    White panels of a plywood or plastic body: smooth, with a thin joint between them, dirt thrown up along the lower
+    edge, a livery of two bands, and the reflecting tape of the lower edge. Bodies all of one dark colour were found
+    less often by networks trained on photographs.
     """
     side, half = (128, 512), (128, 256)
     sheets = []
-    for name, size, panels in (("side", side, 8), ("doors", half, 4), ("roof", half, 6)):
+    for name, size, panels in (("side", side, 5), ("doors", half, 2), ("roof", half, 4)):
         rows, columns = size
         u = np.broadcast_to((np.arange(columns) + 0.5) / columns, size)
         v = np.broadcast_to((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], size)
         dirt = 0.6 * clouds(f"lorry.{name}", 40, 3, size) + 0.4 * clouds(f"lorry.fine.{name}", 24, 10, size)
-        light: Image = 0.80 - 0.10 * step(0.45, 0.8, dirt) - 0.16 * step(0.30, 0.0, v) * dirt
-        place = (u * panels) % 1.0 if name != "roof" else (v * panels) % 1.0
-        light = light - 0.05 * step(0.35, 0.5, np.abs(place - 0.5))  # each panel bends towards its seams
-        seam = np.minimum(place, 1.0 - place) < 0.012 * panels / 4
-        light = np.where(seam, 0.46, light)
-        if name == "roof":  # weathered
-            light = (0.92 - 0.12 * clouds("lorry.weather", 7, 9, size)) * light
+        light: Image = 0.84 - 0.03 * step(0.45, 0.8, dirt) - 0.22 * step(0.30, 0.0, v) * dirt
+        if name == "roof":  # its front is where v is 0; weathered, and without dirt from the road
+            light = 0.82 - 0.06 * clouds("lorry.weather", 7, 9, size)
+        place, count = ((v * panels) % 1.0, rows) if name == "roof" else ((u * panels) % 1.0, columns)
+        joint = np.minimum(place, 1.0 - place) < 0.8 * panels / count
+        light = np.where(joint, 0.66, light)
         sheets.append(np.stack([light, 1.005 * light, 1.01 * light], axis=-1))
     whole, doors, roof = sheets
     up = 1.0 - (np.arange(128) + 0.5) / 128.0

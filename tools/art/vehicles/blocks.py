@@ -13,8 +13,10 @@ from tools.art.vehicles.lofts import add_indexed_grid, add_sheet, add_vertex
 Ring = tuple[float, float, float, float]  # z, x at the rear, x at the front, half width
 
 
-def add_block(mesh: Mesh, rings: Sequence[Ring], radius_m: float, *, bow_m: float = 0.0, steps: int = 4) -> None:
-    """Add a closed block through rings from bottom to top. `bow_m`: by how much the front is curved."""
+def add_block(
+    mesh: Mesh, rings: Sequence[Ring], radius_m: float, *, bow_m: float = 0.0, steps: int = 4, middle_y_m: float = 0.0
+) -> None:
+    """Add a closed block through rings from bottom to top, about y = `middle_y_m`. `bow_m`: how far the front bends."""
     rows = []
     for z, rear, front, half in rings:
         row = []
@@ -28,7 +30,7 @@ def add_block(mesh: Mesh, rings: Sequence[Ring], radius_m: float, *, bow_m: floa
                 outline.append((cx + radius_m * det_cos(angle), cy + radius_m * det_sin(angle)))
         for x, y in outline:
             shift = bow_m * (y / half) * (y / half) if x > 0.5 * (front + rear) else 0.0
-            row.append(add_vertex(mesh, (x - shift, y, z)))
+            row.append(add_vertex(mesh, (x - shift, middle_y_m + y, z)))
         rows.append(row)
     add_indexed_grid(mesh, rows, closed=True)
     # Lid and floor have vertices of their own, so that their edges stay sharp.

@@ -28,6 +28,7 @@ _ACROSS = (0.0, 0.10, 0.3, 0.5, 0.7, 0.90, 1.0)  # of a strip from the left shou
 _CROWN_M = 0.045
 _RINGS = (0.0, 0.06, 0.5, 0.93, 1.0)  # of the greenhouse, from its base to the roof
 _ROOF_INSET_M = 0.055  # of the roof's edge from the panes' plane
+_ROOF_STEP_M = 0.2  # least distance of the points of a line along the roof
 _BULGE_M = 0.02
 
 
@@ -289,7 +290,22 @@ class Greenhouse:
     def roof_point(self, x: float, share: float, out_m: float = 0.0) -> Vec3:
         """Return a point on the roof, at `share` (-1 to 1, to the left) of its half width."""
         y = self.shape.half_roof_m - _ROOF_INSET_M
-        return x, share * y, at_knots(self.shape.roof, x) + 0.05 * (1.0 - share * share) + out_m
+        return x, share * y, at_knots(self._roof_knots(), x) + 0.05 * (1.0 - share * share) + out_m
+
+    def roof_line_m(self, first: float, last: float) -> list[float]:
+        """Return where a line along the roof from `first` to `last` needs points, so that it lies on the faces."""
+        rear, front = sorted((first, last))
+        line = [rear]
+        line += [x for x, _ in self._roof_knots() if rear + _ROOF_STEP_M < x < front - _ROOF_STEP_M]
+        for at in range(len(line) - 1, 0, -1):  # corners that lie close together need one point only
+            if line[at] - line[at - 1] < _ROOF_STEP_M:
+                del line[at]
+        line.append(front)
+        return line if first == rear else line[::-1]
+
+    def _roof_knots(self) -> list[Vec2]:
+        """Return (x, z) of the corners of the roof's faces along its edge, from the rear."""
+        return [(x, at_knots(self.shape.roof, x)) for x in sorted({c.roof[0] for c in self.shape.columns})]
 
     def _open(self, open_front: bool) -> list[int]:
         return self._panes()[2:3] if open_front else []

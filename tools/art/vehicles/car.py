@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 
 from signals.samples import Vec3
 from sim.scene.maps.meshes import Mesh
@@ -10,7 +11,7 @@ from tools.art.vehicles.body_shape import Greenhouse, LowerBody, arch_points, sk
 from tools.art.vehicles.car_shape import CarShape
 from tools.art.vehicles.driver import add_cabin
 from tools.art.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube, mix
-from tools.art.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
+from tools.art.vehicles.parts import BEAD, MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from tools.art.vehicles.wheels import add_wheel
 
 _TYRE_M = 0.21  # width
@@ -19,7 +20,7 @@ _VAN_M = 1.9  # cars are lower
 
 def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
-    parts = {name: Mesh.empty() for name in MATERIALS}
+    parts = {name: Mesh.empty() for name in (*MATERIALS, BEAD)}
     body = LowerBody(shape)
     cabin = Greenhouse(shape, body)
     body.add_to(parts["paint"])
@@ -33,9 +34,10 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels:
     _add_rear(parts, body)
     _add_seams(parts, body)
     _add_lids(parts["trim"], body)
-    _add_roof(parts["trim"], cabin)
+    _add_roof(parts, cabin)
     if shape.height_m > _VAN_M:
         _add_van_sides(parts["trim"], body)
+        _add_van_panels(parts, body, cabin)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
@@ -122,10 +124,15 @@ def _add_face(parts: Parts, body: LowerBody) -> None:
         if shrink:
             columns[0], columns[-1] = mix(begin, end, 0.04), mix(begin, end, 0.95)
         _mirrored(parts[name], skin_patch(body, columns, lows, highs, out, 3))
-    # A dark lens within each lamp, towards its inner end.
-    lens = [mix(begin, end, t) for t in (0.16, 0.34)]
-    mid = 0.5 * (lower + upper) - 0.005
-    _mirrored(parts["trim"], skin_patch(body, lens, [mid - 0.035] * 2, [mid + 0.035] * 2, 0.016))
+    # Two round lenses within each lamp, dark glass in a bright ring; the outer one stands higher, as the lamp does.
+    mid, reach = 0.5 * (lower + upper) - 0.008, 0.36 * (upper - lower)
+    for share, rise in ((0.24, 0.0), (0.56, 0.016)):
+        middle, half = mix(begin, end, share), 0.13 * (end - begin)
+        for name, out, size in (("rim", 0.016, 1.0), ("glass", 0.019, 0.76)):
+            across = [middle + size * half * t for t in (-1.0, -0.6, 0.6, 1.0)]
+            tall = [size * reach * t for t in (0.35, 0.9, 0.9, 0.35)]
+            lows, highs = [mid + rise - z for z in tall], [mid + rise + z for z in tall]
+            _mirrored(parts[name], skin_patch(body, across, lows, highs, out))
     fog = [body.front_at_y(y) for y in (0.66, 0.74)]
     _mirrored(parts["head_lamp"], skin_patch(body, fog, [z0 + 0.03] * 2, [z0 + 0.10] * 2, 0.018, 3))
     add_plate(parts["plate"], body.point(0.0, mix(z1, low, 0.5), 0.02), 1.0)
@@ -201,17 +208,18 @@ def _add_lids(trim: Mesh, body: LowerBody) -> None:
         add_sheet(trim, [[body.lid_point(x, share, 0.004) for share in shares] for x in (front, rear)], flipped=True)
 
 
-def _add_roof(trim: Mesh, cabin: Greenhouse) -> None:
-    """Add the gaps along the roof's edges, the ribs of a van's roof, wipers and an aerial."""
+def _add_roof(parts: Parts, cabin: Greenhouse) -> None:
+    """Add the gaps along the roof's edges, the beads of a van's roof, wipers and an aerial."""
+    trim = parts["trim"]
     s = cabin.shape
     first, last = s.roof[-1][0] - 0.06, s.roof[0][0] + 0.04
-    xs = [mix(first, last, k / 6) for k in range(7)]
-    lines = [(0.90, 0.935, 0.014), (-0.935, -0.90, 0.014)]
+    xs = cabin.roof_line_m(first, last)
+    lines = [("trim", 0.90, 0.935, 0.014), ("trim", -0.935, -0.90, 0.014)]
     if s.height_m > _VAN_M:
-        lines += [(share - 0.008, share + 0.008, 0.008) for share in (-0.6, -0.2, 0.2, 0.6)]
-    for low, high, out in lines:
+        lines += [(BEAD, share - 0.03, share + 0.03, 0.010) for share in (-0.6, -0.2, 0.2, 0.6)]
+    for name, low, high, out in lines:
         rows = [[cabin.roof_point(x, share, out) for x in xs] for share in (low, high)]
-        add_sheet(trim, rows, flipped=True)
+        add_sheet(parts[name], rows, flipped=True)
     for begin, end in ((-0.1, -1.25), (0.85, -0.15)):
         line = []
         for k in range(3):
@@ -234,6 +242,40 @@ def _add_van_sides(trim: Mesh, body: LowerBody) -> None:
     ):
         stations = [body.at_x(mix(begin, end, k / 6)) for k in range(7)]
         _mirrored(trim, skin_patch(body, stations, [low] * 7, [high] * 7, 0.010))
+
+
+def _add_van_panels(parts: Parts, body: LowerBody, cabin: Greenhouse) -> None:
+    """Add the gaps of sliding and rear doors above the shoulder, and the panels pressed into the sides."""
+    heights = [mix(0.02, 0.90, k / 3) for k in range(4)]
+    columns = cabin.shape.columns
+
+    def column_at(x: float) -> float:
+        for i in range(4, len(columns) - 2):
+            before, after = columns[i].base[0], columns[i + 1].base[0]
+            if after <= x <= before:
+                return i + (before - x) / (before - after)
+        raise ValueError(f"no column of the van at x = {x}")
+
+    def strip(mesh: Mesh, xs: list[float], shares: list[float]) -> None:
+        _mirrored(mesh, [[cabin.point(column_at(x), share, 0.010) for x in xs] for share in shares])
+
+    doors = cabin.shape.doors_x_m[1:]
+    for x in doors:
+        strip(parts["trim"], [x + 0.006, x - 0.006], heights)
+    rear = cabin.shape.wheels_x_m[1] - 0.86
+    edges = [*doors, rear]
+    for front, back in pairwise(edges):
+        ends = [mix(front - 0.07, back + 0.07, k / 2) for k in range(3)]
+        for share in (0.12, 0.80):
+            strip(parts[BEAD], ends, [share, share + 0.03])
+        for x in (ends[0], ends[-1] + 0.03):
+            strip(parts[BEAD], [x, x - 0.03], [0.15, 0.80])
+    last = len(columns) - 1.0
+    half = 0.007 / (columns[-2].base[1] * cabin.shape.half_base_m)  # of the last column, which ends in the middle
+    _mirrored(parts["trim"], [[cabin.point(c, share, 0.010) for c in (last - half, last)] for share in heights])
+    low, high = cabin.shape.clearance_m + 0.35, body.shoulder_m(-0.5 * cabin.shape.length_m)
+    middle = [body.rear_at_y(y) for y in (0.007, 0.0)]
+    _mirrored(parts["trim"], skin_patch(body, middle, [low] * 2, [high] * 2, 0.006, 5))
 
 
 def _add_mirrors(parts: Parts, body: LowerBody, shape: CarShape) -> None:

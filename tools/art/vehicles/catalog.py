@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles import bicycle_layout
 from tools.art.glb import Pieces
 from tools.art.vehicles import bicycle
@@ -14,8 +15,8 @@ from tools.art.vehicles.car import car_parts, car_proxies, wheel_centres, wheel_
 from tools.art.vehicles.car_shape import SHAPES, CarShape, varied
 from tools.art.vehicles.lorry import lorry_parts, lorry_proxies
 from tools.art.vehicles.motorcycle import motorcycle_parts, motorcycle_proxies
-from tools.art.vehicles.paint import reflecting
-from tools.art.vehicles.parts import Parts, Proxy
+from tools.art.vehicles.paint import reflecting, with_beads
+from tools.art.vehicles.parts import BEAD, Parts, Proxy
 
 Made = tuple[Pieces, dict[str, Any]]
 _DRIVEN = ("sedan", "hatchback", "estate", "suv")
@@ -23,10 +24,7 @@ _DRIVEN = ("sedan", "hatchback", "estate", "suv")
 
 def _made(pieces: dict[str, Parts], proxies: list[Proxy], **facts: object) -> Made:
     """Return pieces with texture coordinates of paint, hulls as pieces of their own, and the facts."""
-    whole: dict[str, Parts] = {
-        piece: parts | ({"paint": reflecting(parts["paint"])} if "paint" in parts else {})
-        for piece, parts in pieces.items()
-    }
+    whole: dict[str, Parts] = {piece: _painted(parts) for piece, parts in pieces.items()}
     contacts: list[dict[str, Any]] = []
     for i, proxy in enumerate(proxies):
         if proxy.hull is not None:
@@ -35,6 +33,14 @@ def _made(pieces: dict[str, Parts], proxies: list[Proxy], **facts: object) -> Ma
         else:
             contacts.append({"kind": proxy.kind, "size": proxy.size, "pos": proxy.pos})
     return whole, {"contact": contacts, **facts}
+
+
+def _painted(parts: Parts) -> Parts:
+    """Return the parts with texture coordinates of the paint, and with the beads as a part of it."""
+    if "paint" not in parts:
+        return parts
+    paint = with_beads(reflecting(parts["paint"]), parts.get(BEAD, Mesh.empty()))
+    return {name: mesh for name, mesh in parts.items() if name != BEAD} | {"paint": paint}
 
 
 def _parked(shape: CarShape, spokes: int, driver: bool) -> Made:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from sim.scene.maps.meshes import Mesh
 from tools.art.vehicles.blocks import Ring, add_block, add_disc_sheet, add_end_sheet, add_side_sheet
-from tools.art.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube
+from tools.art.vehicles.lofts import add_box, add_sheet, add_tube
 from tools.art.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
-from tools.art.vehicles.wheels import add_wheel
+from tools.art.vehicles.wheels import add_steel_wheel
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 8.0, 2.5, 3.3
 WHEEL_M = 0.47
@@ -18,7 +18,11 @@ _CABIN: tuple[Ring, ...] = (
     (1.50, 2.12, 3.96, _CAB - 0.005), (2.35, 2.14, 3.76, _CAB - 0.06), (2.55, 2.16, 3.60, _CAB - 0.10),
     (2.64, 2.24, 3.42, _CAB - 0.20),
 )  # fmt: skip
-_DEFLECTOR: tuple[Ring, ...] = ((2.62, 2.16, 3.25, 0.98), (2.95, 2.16, 2.75, 0.96), (3.16, 2.16, 2.36, 0.92))
+# The deflector stands on the roof of the cab, narrower than it, and leans back to the front wall of the body.
+_DEFLECTOR: tuple[Ring, ...] = (
+    (2.60, 2.20, 3.12, 0.90), (2.72, 2.20, 3.04, 0.92), (2.98, 2.22, 2.72, 0.92), (3.16, 2.24, 2.46, 0.90),
+    (3.22, 2.28, 2.36, 0.82),
+)  # fmt: skip
 
 
 def lorry_parts() -> Parts:
@@ -43,8 +47,8 @@ def lorry_parts() -> Parts:
         add_box(trim, (AXLES_M[1] - 0.6, side * 1.0 - 0.24, 0.985), (AXLES_M[1] + 0.6, side * 1.0 + 0.24, 1.03))
         add_box(trim, (AXLES_M[1] - 0.63, side * 1.0 - 0.22, 0.35), (AXLES_M[1] - 0.60, side * 1.0 + 0.22, 1.0))
         add_disc_sheet(trim, (AXLES_M[0], side * (_CAB + 0.006), WHEEL_M), WHEEL_M + 0.09, side, low_m=0.40)
-        add_wheel(parts["tyre"], rim, (AXLES_M[0], side * (_CAB + 0.02), WHEEL_M), WHEEL_M, 0.30, 8, side)
-        add_wheel(parts["tyre"], rim, (AXLES_M[1], side * (_HALF - 0.03), WHEEL_M), WHEEL_M, 0.55, 8, side)
+        add_steel_wheel(parts["tyre"], rim, trim, (AXLES_M[0], side * (_CAB + 0.02), WHEEL_M), WHEEL_M, 0.30, side)
+        add_steel_wheel(parts["tyre"], rim, trim, (AXLES_M[1], side * (_HALF - 0.03), WHEEL_M), WHEEL_M, 0.55, side)
         # Side window, door seams, handle, mirror.
         rows = [(_CAB + 0.004, 1.52), (_CAB - 0.045, 2.30)]
         fronts = (3.72, 3.56)
@@ -56,8 +60,11 @@ def lorry_parts() -> Parts:
         add_sheet(glass, pane)
         glass.uvs[first:] = [(u, 0.5 * v) for u, v in glass.uvs[first:]]  # the side window of the texture
         for x in (2.62, 3.80):
-            add_side_sheet(trim, x, x + 0.022, 0.80, 1.48, side * (_CAB + 0.004))
+            add_side_sheet(trim, x, x + 0.018, 0.80, 1.48, side * (_CAB + 0.004))
         add_side_sheet(trim, 2.62, 3.82, 0.78, 0.80, side * (_CAB + 0.004))
+        # The lower edge of the cab, dark from bumper to wheel and behind it.
+        for rear, front in ((3.42, 3.80), (2.14, 2.28)):
+            add_side_sheet(trim, rear, front, 0.44, 0.62, side * (_CAB + 0.005))
         # Steps below the door, the air intake behind it, and the gap between cab and body.
         for z in (0.42, 0.60):
             add_side_sheet(trim, 3.40, 3.88, z, z + 0.10, side * (_CAB + 0.006))
@@ -68,11 +75,22 @@ def lorry_parts() -> Parts:
         y0, y1 = sorted((side * 0.98, side * 1.08))
         add_end_sheet(parts["lit"], 3.995, 3.995, y0, y1, 0.58, 0.64, 1.0)
         add_box(trim, (2.70, side * _CAB - 0.03, 1.36), (2.90, side * _CAB + 0.03, 1.41))
-        add_ellipsoid(trim, (3.86, side * 1.32, 1.98), (0.07, 0.10, 0.24), rings=5, sides=8)
-        add_tube(trim, [(3.70, side * 1.06, 2.32), (3.86, side * 1.32, 2.20)], 0.02, 5)
-        y0, y1 = sorted((side * 0.78, side * 1.08))
-        add_end_sheet(trim, 3.972, 3.972, y0 - 0.03, y1 + 0.03, 0.65, 0.90, 1.0)
-        add_end_sheet(head, 3.988, 3.988, y0, y1, 0.68, 0.87, 1.0)
+        # Mirrors: a tall housing on two arms, its glass to the rear, and a small wide-angle one below.
+        y0, y1 = sorted((side * 1.22, side * 1.42))
+        for low, high in ((1.86, 2.26), (1.62, 1.82)):
+            add_block(trim, (
+                (low, 3.79, 3.86, 0.10), (low + 0.03, 3.78, 3.88, 0.11), (high - 0.03, 3.78, 3.88, 0.11),
+                (high, 3.79, 3.86, 0.10),
+            ), 0.03, steps=2, middle_y_m=side * 1.32)  # fmt: skip
+            add_end_sheet(glass, 3.776, 3.776, y0 + 0.02, y1 - 0.02, low + 0.04, high - 0.04, -1.0)
+        for z in (1.70, 2.24):
+            add_tube(trim, [(3.72, side * 1.08, z + 0.06), (3.84, side * 1.32, z)], 0.02, 5)
+        # Lamps in the bumper: a dark recess, a bright reflector and a round lens.
+        y0, y1 = sorted((side * 0.70, side * 1.08))
+        add_end_sheet(trim, 4.002, 4.002, y0 - 0.02, y1 + 0.02, 0.395, 0.575, 1.0)
+        add_end_sheet(head, 4.006, 4.006, y0, y1, 0.415, 0.555, 1.0)
+        for y in (side * 0.80, side * 0.98):
+            add_end_sheet(glass, 4.010, 4.010, y - 0.055, y + 0.055, 0.43, 0.54, 1.0)
         y0, y1 = sorted((side * 0.75, side * 1.15))
         add_box(trim, (-3.96, y0, 0.70), (-3.90, y1, 0.92))
         add_end_sheet(tail, -3.965, -3.965, y0 + 0.02, y1 - 0.02, 0.73, 0.89, -1.0)
@@ -112,27 +130,32 @@ def _add_ends(parts: Parts) -> None:
     add_sheet(glass, [bowed(3.96, 1.50), bowed(3.86, 1.925), bowed(3.765, 2.33)])
     glass.uvs[first:] = [(u, 0.5 + 0.5 * v) for u, v in glass.uvs[first:]]  # the windscreen of the texture
     add_sheet(trim, [bowed(3.97, 1.40), bowed(3.96, 1.50)])
-    add_end_sheet(trim, 3.992, 3.992, -0.66, 0.66, 0.68, 1.20, 1.0)
-    for z in (0.76, 0.88, 1.00, 1.12):
-        add_end_sheet(rim, 4.0, 4.0, -0.62, 0.62, z, z + 0.03, 1.0)
-    add_end_sheet(rim, 3.996, 3.996, -0.075, 0.075, 1.25, 1.34, 1.0)  # badge
-    # Visor above the windscreen, wipers, and lamps on the roof.
-    add_box(trim, (3.66, -0.98, 2.36), (3.90, 0.98, 2.44))
+    # Grille: thin slats in the paint's colour before dark openings, a frame below the windscreen, the maker's badge.
+    add_end_sheet(trim, 3.988, 3.988, -0.72, 0.72, 0.66, 1.22, 1.0)
+    for z in (0.70, 0.835, 0.97, 1.105):
+        add_box(parts["paint"], (3.96, -0.70, z), (4.0, 0.70, z + 0.035))
+    add_end_sheet(trim, 3.984, 3.984, -0.90, 0.90, 1.28, 1.298, 1.0)
+    add_end_sheet(rim, 3.996, 3.996, -0.075, 0.075, 1.31, 1.38, 1.0)
+    # Visor above the windscreen, and wipers.
+    add_block(trim, ((2.36, 3.60, 3.86, 0.98), (2.42, 3.60, 3.92, 0.99), (2.46, 3.56, 3.84, 0.97)), 0.05, steps=2)
     for y in (-0.55, 0.25):
         add_tube(trim, [(3.985, y, 1.49), (3.915, y + 0.42, 1.80)], 0.012, 4)
-    for y in (-0.85, -0.45, 0.45, 0.85):
-        add_end_sheet(parts["lit"], 3.905, 3.905, y - 0.07, y + 0.07, 2.375, 2.425, 1.0)
-    add_box(parts["paint"], (3.75, -1.14, 0.36), (4.0, 1.14, 0.60))  # bumper
-    add_end_sheet(trim, 4.003, 4.003, -0.62, 0.62, 0.39, 0.54, 1.0)
-    add_plate(parts["plate"], (4.006, 0.0, 0.46), 1.0)
+    add_block(parts["paint"], (
+        (0.34, 3.72, 3.96, 1.13), (0.38, 3.70, 4.0, 1.15), (0.58, 3.70, 4.0, 1.15), (0.64, 3.72, 3.97, 1.13),
+    ), 0.10, steps=3)  # fmt: skip
+    add_end_sheet(trim, 4.003, 4.003, -0.60, 0.60, 0.39, 0.56, 1.0)
+    add_plate(parts["plate"], (4.006, 0.0, 0.475), 1.0)
     # Doors of the box: a seam and two bars.
     add_end_sheet(trim, -4.004, -4.004, -0.012, 0.012, 1.08, 3.24, -1.0)
-    for y in (-0.62, -0.14, 0.14, 0.62):
-        add_tube(rim, [(-4.03, y, 1.1), (-4.03, y, 3.2)], 0.018, 5)
-        add_box(trim, (-4.05, y - 0.07, 1.62), (-4.0, y + 0.07, 1.70))
+    for y in (-0.70, -0.20, 0.20, 0.70):  # bars that lock them, in keepers, with a handle
+        add_tube(rim, [(-4.035, y, 1.06), (-4.035, y, 3.26)], 0.022, 6)
+        for z in (1.10, 1.75, 2.45, 3.14):
+            add_box(rim, (-4.045, y - 0.05, z), (-4.0, y + 0.05, z + 0.07))
+        inner = 0.30 if y < 0.0 else -0.30
+        add_tube(rim, [(-4.05, y, 1.60), (-4.06, y + inner, 1.58)], 0.016, 5)
     for y in (-1.19, 1.19):
         for z in (1.3, 1.95, 2.6, 3.1):
-            add_box(rim, (-4.03, y - 0.05, z), (-4.0, y + 0.05, z + 0.06))
+            add_box(rim, (-4.03, y - 0.06, z), (-4.0, y + 0.06, z + 0.07))
     add_box(trim, (-3.98, -1.2, 0.42), (-3.88, 1.2, 0.54))
     for side in (1.0, -1.0):  # mud flaps
         y0, y1 = sorted((side * 0.68, side * 1.22))

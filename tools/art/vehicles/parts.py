@@ -25,6 +25,8 @@ MATERIALS = (
     "cloth",
     "hair",
 )
+# Beads pressed into painted sheet. They become a part of the paint's mesh.
+BEAD = "bead"
 
 
 @dataclass(frozen=True)

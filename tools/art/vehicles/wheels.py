@@ -29,6 +29,22 @@ def add_wheel(
         _add_spoke(rim, centre, r, angle, 0.55 * TURN_RAD / 2 / spokes, outward)
 
 
+def add_steel_wheel(
+    tyre: Mesh, rim: Mesh, trim: Mesh, centre: Vec3, radius_m: float, width_m: float, outward: float
+) -> None:
+    """Add a lorry's wheel: a dished steel disc with a dark ring of hand holes and nuts round the hub."""
+    r, w = radius_m, width_m
+    tyre_profile = [
+        (0.0, -w), (0.96 * r, -0.98 * w), (r, -0.80 * w), (r, -0.10 * w), (0.95 * r, 0.0), (0.68 * r, -0.01),
+        (0.62 * r, -0.07), (0.0, -0.075),
+    ]  # fmt: skip
+    add_lathe(tyre, centre, tyre_profile, _SIDES, outward=outward)
+    disc = [(0.64 * r, -0.005), (0.60 * r, -0.01), (0.55 * r, -0.062), (0.36 * r, -0.05), (0.31 * r, -0.02)]
+    add_lathe(rim, centre, [*disc, (0.20 * r, -0.012), (0.17 * r, 0.02), (0.0, 0.024)], _SIDES, outward=outward)
+    add_lathe(trim, centre, [(0.52 * r, -0.054), (0.41 * r, -0.046)], _SIDES, outward=outward)
+    add_lathe(trim, centre, [(0.285 * r, -0.012), (0.235 * r, -0.009)], _SIDES, outward=outward)
+
+
 def _add_spoke(rim: Mesh, centre: Vec3, r: float, angle_rad: float, half_rad: float, outward: float) -> None:
     rows = []
     for radius, share, y in ((0.12, 1.7, -0.012), (0.62, 0.80, -0.006)):

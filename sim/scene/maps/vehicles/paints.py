@@ -28,7 +28,7 @@ def vehicle_materials(builder: MapBuilder) -> None:
     builder.material("vehicle_trim", surfaces.BLACK_PLASTIC, rgb=(0.12, 0.12, 0.125), specular=0.05, shininess=0.1)
     builder.material("vehicle_tyre", surfaces.RUBBER, rgb=(0.16, 0.16, 0.16), specular=0.05, shininess=0.1)
     builder.material("vehicle_rim", surfaces.METAL, rgb=(0.60, 0.61, 0.63), specular=0.5, shininess=0.5)
-    builder.material("vehicle_head_lamp", surfaces.GLASS, rgb=(0.88, 0.90, 0.92), specular=0.8, shininess=0.8)
+    builder.material("vehicle_head_lamp", surfaces.GLASS, rgb=(0.82, 0.84, 0.86), specular=0.8, shininess=0.8)
     builder.material("vehicle_tail_lamp", surfaces.GLASS, rgb=(0.60, 0.03, 0.03), specular=0.6, shininess=0.7)
     builder.material("vehicle_lit", surfaces.PLASTIC, rgb=(0.98, 0.62, 0.12), specular=0.1)
     for i in range(BOXES):
