@@ -102,7 +102,7 @@ def test_cases_in_which_nothing_flew_are_told(spec: Path, tmp_path: Path) -> Non
     )
     said = io.StringIO()
     assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
-    assert "warning: 2 cases say nothing about what they declare, such as " in said.getvalue()
+    assert "warning: 2 cases without what was declared, such as " in said.getvalue()
     assert "nothing was flown or judged" in said.getvalue()
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 2
     assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 2
