@@ -147,7 +147,7 @@ class Installation:
     gravity_mps2: float
     windy: bool  # the bench or the scene has wind
     noise_seed: int
-    sensor_parameters: Mapping[str, float]  # without which the firmware would not use the bench's sensors
+    sensor_parameters: Mapping[str, float]  # that tell the firmware of the bench's sensors
     link_faults: bool  # faults of the link are declared
     signed_controls: frozenset[int] = frozenset()  # controls of the vehicle that are -1..1: its surfaces
 

@@ -50,7 +50,8 @@ class Samples:
     `fields`: those fields of a sample that it gets. `whole`: faults of the whole sample that reach it as what they are.
     `parameters`: those without which its firmware would not use them. `direction`: parameter that tells it where the
     sensor looks, as a MAV_SENSOR_ROTATION; None: the samples carry their axis. `limits`: those that tell it the least
-    and the greatest distance [m]. `replaced`: by field, the kind of sensor that gives it in place of this one.
+    and the greatest distance [m]. `delay`: the one that tells it how old a sample is when it arrives [ms]. `replaced`:
+    by field, the kind of sensor that gives it in place of this one.
     """
 
     fields: tuple[str, ...]
@@ -58,6 +59,7 @@ class Samples:
     parameters: Mapping[str, float] = field(default_factory=dict)
     direction: str | None = None
     limits: tuple[str, str] | None = None
+    delay: str | None = None
     replaced: Mapping[str, str] = field(default_factory=dict)
 
     def takes(self, fault: str, field: str | None) -> bool:

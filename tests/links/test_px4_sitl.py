@@ -120,6 +120,9 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     env = started["env"]
     assert (env["PX4_SIM_MODEL"], env["PX4_SYS_AUTOSTART"]) == ("none_iris", "10016")
     assert {name: value for name, value in env.items() if name.startswith("PX4_PARAM_")} == {
+        "PX4_PARAM_EKF2_GPS_DELAY": "100",  # latency of the here_plus; PX4's script for simulators has 10 ms
+        "PX4_PARAM_EKF2_BARO_DELAY": "0",
+        "PX4_PARAM_EKF2_MAG_DELAY": "0",
         "PX4_PARAM_MPC_XY_P": "0.9",
         "PX4_PARAM_COM_RC_IN_MODE": "4",
     }

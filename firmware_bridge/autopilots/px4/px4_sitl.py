@@ -56,20 +56,21 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
 
 
 def airframe_and_params(installation: Installation) -> tuple[str, dict[str, float]]:
-    """Return PX4's airframe and parameters: those of the bench over those of the vehicle.
+    """Return PX4's airframe and parameters: those of the bench over those of its sensors and of the vehicle.
 
     Without `autopilot.airframe` it is PX4's for external simulators, with the rotors of the vehicle unless it has them.
     """
     settings, vehicle = installation.settings, installation.vehicle
+    params = dict(installation.sensor_parameters) | settings.all_params
     if settings.airframe is not None:
-        return settings.airframe, settings.all_params
+        return settings.airframe, params
     if isinstance(vehicle, FixedWing | Vtol):
         # The airframe's own outputs beyond the vehicle's, of which one is reversed, are off.
         off = {f"{PWM_OUTPUTS}{n}": 0.0 for n in range(1, _OUTPUTS + 1)} | {"PWM_MAIN_REV": 0.0}
         airframe = EXTERNAL_VTOL if isinstance(vehicle, Vtol) else EXTERNAL_PLANE
-        return airframe, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | settings.all_params
+        return airframe, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | params
     rotors = {} if matching_airframe(vehicle) == "iris" else vehicle_parameters(vehicle)
-    return EXTERNAL_AIRFRAME, rotors | settings.all_params
+    return EXTERNAL_AIRFRAME, rotors | params
 
 
 def start_command(installation: Installation, folder: Path) -> StartCommand:  # noqa: ARG001 (PX4 needs no file)

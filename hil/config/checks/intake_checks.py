@@ -55,7 +55,7 @@ def intake_notes(config: BenchConfig) -> list[str]:
 
 
 def intake_parameters(config: BenchConfig) -> dict[str, float]:
-    """Return the parameters without which the firmware would not use the sensors that feed the autopilot."""
+    """Return the parameters that let the firmware use the sensors that feed the autopilot, and use them rightly."""
     parameters: dict[str, float] = {}
     for name, sensor in config.sensors.items():
         intake = intake_of(config, name) if sensor.autopilot else None
@@ -66,6 +66,8 @@ def intake_parameters(config: BenchConfig) -> dict[str, float]:
             if intake.limits is not None:
                 p = sensor.parameters
                 parameters |= dict(zip(intake.limits, (p.min_distance_m, p.max_distance_m), strict=True))
+            if intake.delay is not None:
+                parameters[intake.delay] = round(1e3 * sensor.parameters.latency_s, 6)  # ms
     return parameters
 
 

@@ -107,7 +107,8 @@ def test_the_bench_decides_over_the_vehicle() -> None:
 def test_px4_gets_the_rotors_unless_it_has_them() -> None:
     start = ["autopilot.start=false"]
     iris = load_bench(rig="px4_sitl", settings=start)
-    assert px4_airframe(iris) == ("none_iris", {})
+    of_sensors = {"EKF2_GPS_DELAY": 100.0, "EKF2_BARO_DELAY": 0.0, "EKF2_MAG_DELAY": 0.0}
+    assert px4_airframe(iris) == ("none_iris", of_sensors)
     octa = load_bench(rig="px4_sitl", settings=[*start, "vehicle=octa_x"])
     airframe, params = px4_airframe(octa)
     assert airframe == "none_iris"
@@ -115,5 +116,5 @@ def test_px4_gets_the_rotors_unless_it_has_them() -> None:
     assert (params["CA_ROTOR_COUNT"], params["MAV_TYPE"]) == (8, 14)
     assert params["CA_ROTOR0_PX"] > 0.0 > params["CA_ROTOR0_KM"]  # front right, clockwise
     own = load_bench(rig="px4_sitl", settings=[*start, "vehicle=octa_x", "autopilot.airframe=8001"])
-    assert px4_airframe(own) == ("8001", {})
+    assert px4_airframe(own) == ("8001", of_sensors)
     assert px4_parameters(multirotor_facts(load_vehicle("y6")), outputs="HIL_ACT_FUNC")["HIL_ACT_FUNC6"] == 106

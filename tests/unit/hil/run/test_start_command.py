@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from hil.run.autopilot import start_command
+from firmware_bridge.autopilots.px4.px4_sitl import airframe_and_params
+from hil.run.autopilot import installation_of, start_command
 from signals.errors import ConfigError, RecordingError
 from tests.worlds.bench_files import elsewhere, load
 
@@ -70,10 +73,39 @@ def test_ardupilot_with_another_port_instance_and_build(tmp_path: Path) -> None:
 
 
 def test_px4(tmp_path: Path) -> None:
-    bench = load("rig: px4_sitl\ntick_hz: 500\nautopilot: {start: false, instance: 2}\n")
+    sensors = "sensors: {imu: {preset: icm20689}, gps: null, baro: null, mag: null}\n"
+    bench = load("rig: px4_sitl\ntick_hz: 500\nautopilot: {start: false, instance: 2}\n" + sensors)
     line = start_command(bench, tmp_path)
     assert line == "PX4_SIM_MODEL=none_iris PX4_PARAM_IMU_INTEG_RATE=500 PX4_PARAM_SDLOG_MODE=-1 px4 -i 2 -d etc"
     assert not list(tmp_path.glob("bench.parm"))
+
+
+def test_px4_is_told_how_old_the_samples_of_the_sensors_are(tmp_path: Path) -> None:
+    def told(more: str) -> dict[str, str]:
+        text = "rig: px4_sitl\nsensors:\n  gps: {preset: f9p}\n  baro: null\n  mag: null\n"
+        words = start_command(load(text + more), tmp_path).split()
+        return dict(word.removeprefix("PX4_PARAM_").split("=") for word in words if "_DELAY=" in word)
+
+    assert told("autopilot: {start: false}\n") == {"EKF2_GPS_DELAY": "80"}
+    more = "  eye: {preset: tfmini, rate_hz: 50}\n  flow: {preset: pmw3901, rate_hz: 50}\n"
+    more += "  vision: {kind: external_vision, rate_hz: 30, latency_s: 0.045}\n"
+    assert told(more + "autopilot: {start: false}\n") == {
+        "EKF2_GPS_DELAY": "80",
+        "EKF2_RNG_DELAY": "10",
+        "EKF2_OF_DELAY": "10",
+        "EKF2_EV_DELAY": "45",
+    }
+    own = "autopilot: {start: false, airframe: iris}\n"
+    assert told(own) == {"EKF2_GPS_DELAY": "80"}  # the sensors are the bench's, whatever the airframe
+    assert told("  mast: {preset: m8n, rate_hz: 5, autopilot: false}\n" + own) == {"EKF2_GPS_DELAY": "80"}
+
+
+def test_parameters_of_the_bench_go_over_those_of_its_sensors() -> None:
+    bench = load("rig: px4_sitl\nautopilot: {start: false}\n")
+    of_sensors = installation_of(bench, np.zeros(13))
+    settings = of_sensors.settings.model_copy(update={"params": {"EKF2_GPS_DELAY": 110.0}})
+    assert airframe_and_params(of_sensors)[1]["EKF2_GPS_DELAY"] == 100.0
+    assert airframe_and_params(replace(of_sensors, settings=settings))[1]["EKF2_GPS_DELAY"] == 110.0
 
 
 def test_others_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path) -> None:
