@@ -92,6 +92,7 @@ class Profile:
     # Its telemetry is sent by threads on wall-clock time: requests go out on whole seconds of simulated time, so that
     # a few milliseconds more or less do not change the flight.
     wall_clock_telemetry: bool = False
+    heading_wait: str = ""  # parameter of how long it waits at a waypoint for its heading while it moves on
     needs_estimator: bool = False  # a flight waits until PX4's estimator has converged: a board may have any state
     line: Line | None = ONE_LINE  # on which faults.links act; None: its link can have none
     own_faults: Sequence[str] = ()  # keys of autopilot.faults that have an effect

@@ -71,6 +71,7 @@ PROFILE = Profile(
     board_ports=("port",),
     usb_port="port",
     misfits=misfits,
+    heading_wait="MIS_YAW_TMT",
     needs_estimator=True,
     flies_planes=True,
 )

@@ -135,6 +135,7 @@ PROFILE = Profile(
     keys=frozenset({"binary", "arguments", "env", "airframe", "params_file"}),
     program=Program("PX4", b"SYS_AUTOSTART", "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4"),
     misfits=misfits,
+    heading_wait="MIS_YAW_TMT",
     vehicle_misfits=vehicle_misfits,
     wall_clock_telemetry=True,
     airsim_type="PX4Multirotor",

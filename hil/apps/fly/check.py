@@ -5,6 +5,7 @@ from __future__ import annotations
 from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
 from hil.config.checks.course_notes import course_notes
+from hil.config.checks.heading_notes import heading_notes
 from hil.config.checks.intake_checks import intake_notes
 from hil.config.checks.limit_notes import limit_notes
 from hil.config.checks.radius_notes import radius_notes
@@ -35,7 +36,8 @@ def check_bench(choice: BenchChoice) -> str:
 def _notes(bench: Bench) -> list[str]:
     """Return what is otherwise than the bench and the mission state: not taken, not judged, or in the way."""
     mission = bench.mission.notes if bench.mission is not None else ()
-    return [*mission, *radius_notes(bench), *limit_notes(bench), *course_notes(bench), *intake_notes(bench.config)]
+    flown = (*radius_notes(bench), *heading_notes(bench), *course_notes(bench))
+    return [*mission, *limit_notes(bench), *flown, *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:

@@ -11,6 +11,7 @@ from hil.apps.dataset.plan import make_plan
 from hil.cli.app import app
 from hil.config import load_bench
 from hil.config.checks.course_notes import course_notes
+from hil.config.checks.heading_notes import heading_notes
 from hil.config.checks.radius_notes import radius_notes
 from signals.errors import ConfigError
 
@@ -156,3 +157,14 @@ def test_waypoints_within_their_own_radius_of_the_place_before_are_told(tmp_path
         "an autopilot may pass it by; 1 more such"
     )
     assert radius_notes(load_bench(mission="rigs/missions/square.waypoints")) == []
+
+
+def test_headings_that_take_longer_than_the_way_are_told_where_the_autopilot_waits_for_them() -> None:
+    ring, px4 = "rigs/missions/people_ring.plan", ["autopilot.start=false"]
+    bench = load_bench(rig="px4_sitl", mission=ring, settings=px4)
+    waits = "turns the nose by 100 degrees on 2.0 m: PX4 waits for the heading, moving on, and leaves its path"
+    assert heading_notes(bench) == [f"{ring}:145: item 8 {waits}; 22 more such (set its MIS_YAW_TMT to 5)"]
+    bench.config.autopilot.params["MIS_YAW_TMT"] = 5.0
+    assert heading_notes(bench) == []
+    assert heading_notes(load_bench(rig="mock", mission=ring)) == []
+    assert heading_notes(load_bench(rig="px4_sitl", settings=px4)) == []
