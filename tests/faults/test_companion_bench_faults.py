@@ -316,7 +316,7 @@ def test_a_client_that_fails_after_the_flight_fails_it(tmp_path: Path, monkeypat
     monkeypatch.setattr(started, "END_S", PATIENCE_S)
     stop = "pass\n    def stop(self):\n        assert 2 + 2 == 5, 'the map is empty'"
     (reason,) = observed(tmp_path, stop, monkeypatch, "record.mcap=true")
-    assert reason.startswith("the companion Watcher failed after the flight: its process ended with exit status 3")
+    assert reason.startswith("the companion Watcher ended with an error: its process ended with exit status 3")
     assert "the map is empty" in reason
     run_dir = tmp_path / "run"
     assert fly_and_compare(run_dir, None, Console(file=io.StringIO())).identical

@@ -174,7 +174,7 @@ class CompanionLink:
             f"the companion {name} was lost {t_ns / NS_PER_S:.2f} s after the start and answered no more: {reason}"
             for name, (t_ns, reason) in sorted(lost.items())
         ] + [
-            f"the companion {name} failed after the flight: {end}"
+            f"the companion {name} ended with an error: {end}"
             for name, end in sorted(self._bad_ends.items())
             if name not in stage.losses
         ]
@@ -210,14 +210,19 @@ class CompanionLink:
             self._bad_ends |= ends.bad
             for text in ends.terminated:
                 self._on_event(-1, "warning", text)
-        if self._trace is not None:
-            if ends.bad:
-                self._trace.missing(self.missing())
-            self._trace.close()
-            self._trace = None
-        if self._timing is not None:
-            self._timing.close()
-        self.views.close()
+            if self.config.companion.on_loss == "go_on":  # no reason of the verdict tells it
+                for name, end in ends.bad.items():
+                    self._on_event(-1, "warning", f"the companion {name} ended with an error: {end}")
+        trace, self._trace = self._trace, None
+        try:
+            if trace is not None:
+                if ends.bad:
+                    trace.missing(self.missing())
+                trace.close()
+        finally:
+            if self._timing is not None:
+                self._timing.close()
+            self.views.close()
 
     def report(self) -> dict[str, Any]:
         """Return the key `companion` of run.json."""

@@ -231,8 +231,13 @@ class Training:
                 raise ConfigError([Problem(str(path), f"is of a training with other {key}", hint)])
         # Without a share the checkpoint's weights replace those of the start.
         if self.settings.start_share and data.get("start") != self._start_digest:
-            hint = "give the --weights from which it started"
-            raise ConfigError([Problem(str(path), "is of a training that started from other weights", hint)])
+            message, hint = (
+                "is of a training that started from other weights",
+                "give the --weights from which it started",
+            )
+            if "start" not in data:
+                message, hint = "does not tell its --weights: it is of an older version", "leave out --resume"
+            raise ConfigError([Problem(str(path), message, hint)])
         self.model.load_state_dict(data["model"])
         self._averaged.model.load_state_dict(data["average"])
         self._averaged.steps = int(data["steps"])

@@ -15,11 +15,13 @@ class RadarEchoesPart(Part):
         for name, radar in run.sensors.radars.items():
             counts = radar.counts
             if counts.frames and not counts.echoes:
-                why = "look where it points (mount_rpy_deg), and at its mask"
+                why = "look where it or its camera points (mount_rpy_deg), and at its mask"
                 run.say("warning", f"radar {name}: no echo in any of {counts.frames} frames: {why}")
             if counts.clipped > _CLIPPED_SHARE * counts.samples:
                 share = f"the converter clipped {counts.clipped / counts.samples:.0%} of the samples"
-                run.say("warning", f"radar {name}: {share}, so that ranges and speeds are false ones; lower its gain")
+                run.say(
+                    "warning", f"radar {name}: {share}, so that ranges and speeds are false: lower conversion_gain_db"
+                )
 
 
 def make(bench: Bench) -> Part:  # noqa: ARG001

@@ -28,8 +28,8 @@ def told(folder: Path, *settings: str) -> list[str]:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("sensors.radar.mount_rpy_deg=[0, -90, 0]", "no echo in any of 5 frames: look where it points"),
-        ("sensors.radar.receiver.conversion_gain_db=100", "of the samples, so that ranges and speeds are false ones"),
+        ("sensors.radar.mount_rpy_deg=[0, -90, 0]", "no echo in any of 5 frames: look where it or its camera points"),
+        ("sensors.radar.receiver.conversion_gain_db=100", "of the samples, so that ranges and speeds are false: lower"),
     ],
 )
 def test_a_radar_without_echoes_or_with_clipped_ones_is_told(setting: str, words: str, tmp_path: Path) -> None:
