@@ -64,9 +64,9 @@ class MissionRunner:
     # -- what flies ---------------------------------------------------------------------------------------------
 
     def _begin(self, item: MissionItem, now_us: int) -> Callable[[int], bool]:
-        """Start `items[index]`. Return a function to call every step until it returns True.
+        """Start an item. Return a function to call every step until it returns True.
 
-        Here the items that are the same whatever flies.
+        This one starts delays, returns and items without a way, which are the same whatever flies.
         """
         if item.command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
             return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
