@@ -43,6 +43,16 @@ class Added(NamedTuple):
 Change = tuple[Held, ...] | tuple[Added, ...]
 
 
+class Delay(NamedTuple):
+    """Parameters that tell the autopilot how old a sample is when it arrives [ms], and the most that is documented.
+
+    `names`: those of all versions of the firmware, the oldest first; it ignores the ones that it does not have.
+    """
+
+    names: tuple[str, ...]
+    most_ms: float
+
+
 @dataclass(frozen=True)
 class Samples:
     """The autopilot gets the bench's samples.
@@ -50,8 +60,8 @@ class Samples:
     `fields`: those fields of a sample that it gets. `whole`: faults of the whole sample that reach it as what they are.
     `parameters`: those without which its firmware would not use them. `direction`: parameter that tells it where the
     sensor looks, as a MAV_SENSOR_ROTATION; None: the samples carry their axis. `limits`: those that tell it the least
-    and the greatest distance [m]. `delay`: the one that tells it how old a sample is when it arrives [ms]. `replaced`:
-    by field, the kind of sensor that gives it in place of this one.
+    and the greatest distance [m]. `delay`: what tells it how old a sample is when it arrives. `replaced`: by field, the
+    kind of sensor that gives it in place of this one.
     """
 
     fields: tuple[str, ...]
@@ -59,7 +69,7 @@ class Samples:
     parameters: Mapping[str, float] = field(default_factory=dict)
     direction: str | None = None
     limits: tuple[str, str] | None = None
-    delay: str | None = None
+    delay: Delay | None = None
     replaced: Mapping[str, str] = field(default_factory=dict)
 
     def takes(self, fault: str, field: str | None) -> bool:

@@ -121,12 +121,16 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     assert (env["PX4_SIM_MODEL"], env["PX4_SYS_AUTOSTART"]) == ("none_iris", "10016")
     assert {name: value for name, value in env.items() if name.startswith("PX4_PARAM_")} == {
         "PX4_PARAM_EKF2_GPS_DELAY": "100",  # latency of the here_plus; PX4's script for simulators has 10 ms
+        "PX4_PARAM_SENS_GPS0_DELAY": "100",  # its name since 2026, which is unknown to older ones
+        "PX4_PARAM_SENS_GPS1_DELAY": "100",
         "PX4_PARAM_EKF2_BARO_DELAY": "0",
         "PX4_PARAM_EKF2_MAG_DELAY": "0",
         "PX4_PARAM_MPC_XY_P": "0.9",
         "PX4_PARAM_COM_RC_IN_MODE": "4",
     }
-    assert "INFO  [fake] airframe 10016" in (tmp_path / "out/autopilot.log").read_text()
+    log = (tmp_path / "out/autopilot.log").read_text()
+    assert "INFO  [fake] airframe 10016" in log
+    assert "Parameter SENS_GPS0_DELAY not found" in log  # and it flies
     assert gone(started["pid"])
     assert gone(started["child"])  # the whole group
     assert result.run["autopilot"]["link"]["bad_crc"] == 0
@@ -155,13 +159,14 @@ def test_a_run_that_ends_before_the_parameters_are_read_does_not_pass(fly: Fligh
     assert "MPC_XY_CRUSE" in result.run["error"]["message"]
 
 
-def test_a_parameter_at_its_default_outlasts_the_airframe(build: Path) -> None:
+def test_a_parameter_at_its_default_outlasts_the_start_scripts(build: Path) -> None:
     """PX4's script sets a variable's lines in turn, and stores only what changes a value."""
     data = build.parent.parent / "etc"
     (data / "init.d-posix/airframes/1030_gazebo-classic_plane").write_text("param set-default FW_THR_MAX 0.6\n")
     (data / "init.d").mkdir()
     (data / "init.d/rc.fw_defaults").write_text("param set-default -s RTL_TYPE 1\n")
-    params = {"FW_THR_MAX": 1.0, "RTL_TYPE": 0.0, "FW_PSP_OFF": 1.5}
+    (data / "init.d-posix/px4-rc.mavlinksim").write_text("param set-default EKF2_GPS_DELAY 10\n")
+    params = {"FW_THR_MAX": 1.0, "RTL_TYPE": 0.0, "FW_PSP_OFF": 1.5, "EKF2_GPS_DELAY": 110.0}
     env, _ = px4_hand_start(build, airframe="1030", tick_hz=250, params=params, instance=0)
     lines = [line for key, value in env.items() for line in f"{key}={value}".splitlines() if "PARAM" in line]
     assert lines == [
@@ -170,6 +175,8 @@ def test_a_parameter_at_its_default_outlasts_the_airframe(build: Path) -> None:
         "PX4_PARAM_RTL_TYPE=1",
         "PX4_PARAM_RTL_TYPE=0",
         "PX4_PARAM_FW_PSP_OFF=1.5",
+        "PX4_PARAM_EKF2_GPS_DELAY=111",
+        "PX4_PARAM_EKF2_GPS_DELAY=110",
     ]
 
 

@@ -198,10 +198,13 @@ def main() -> None:
     found = sorted(path.name for path in Path.cwd().iterdir())
     told = {"env": kept, "data": arguments.data, "found": found, "child": child, "pid": os.getpid()}
     Path("started.json").write_text(json.dumps(told))
-    print(f"INFO  [fake] airframe {os.environ.get('PX4_SYS_AUTOSTART')}", flush=True)
     airframe = os.environ.get("PX4_SIM_MODEL", "none_iris").removeprefix("none_")
     params = {name[10:]: value for name, value in os.environ.items() if name.startswith("PX4_PARAM_")}
-    FakePx4(arguments.i, airframe=airframe, script=os.environ.get("FAKE_PX4", ""), params=params).serve()
+    fake = FakePx4(arguments.i, airframe=airframe, script=os.environ.get("FAKE_PX4", ""), params=params)
+    print(
+        f"INFO  [fake] airframe {os.environ.get('PX4_SYS_AUTOSTART')}", flush=True
+    )  # PX4 too has set parameters before
+    fake.serve()
 
 
 if __name__ == "__main__":

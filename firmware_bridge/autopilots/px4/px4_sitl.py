@@ -10,7 +10,7 @@ from firmware_bridge.autopilots.line import HIL_LINE
 from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
 from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe
-from firmware_bridge.autopilots.px4.sensors import SENSORS
+from firmware_bridge.autopilots.px4.sensors import SENSORS, with_horizon
 from firmware_bridge.autopilots.px4.vehicle_parameters import PWM_OUTPUTS, command_count, vehicle_parameters
 from firmware_bridge.autopilots.px4.vtol_parameters import tilt_problem
 from firmware_bridge.autopilots.settings import AutopilotSettings
@@ -61,7 +61,7 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
     Without `autopilot.airframe` it is PX4's for external simulators, with the rotors of the vehicle unless it has them.
     """
     settings, vehicle = installation.settings, installation.vehicle
-    params = dict(installation.sensor_parameters) | settings.all_params
+    params = with_horizon(installation.sensor_parameters) | settings.all_params
     if settings.airframe is not None:
         return settings.airframe, params
     if isinstance(vehicle, FixedWing | Vtol):

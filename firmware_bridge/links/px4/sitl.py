@@ -1,9 +1,9 @@
 """Makes the link to PX4 SITL, and starts a user's own build of it.
 
 PX4's start script reads the airframe from PX4_SIM_MODEL and PX4_SYS_AUTOSTART, and sets a parameter for every variable
-PX4_PARAM_<NAME>; but it stores none that is the firmware's default, and then the airframe's own value comes in its
-place. So these are set twice (`_kept`). PX4 keeps parameters, missions and logs in its working folder, so that a run in
-a clean folder starts from the airframe's defaults.
+PX4_PARAM_<NAME>; but it stores none that is the firmware's default, and then the value of a later script, such as the
+airframe's, comes in its place. So these are set twice (`_kept`). PX4 keeps parameters, missions and logs in its working
+folder, so that a run in a clean folder starts from the airframe's defaults.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def px4_sitl_process(
 
 
 def px4_parameters(tick_hz: int, params: Mapping[str, float], own: Container[str] = ()) -> dict[str, str]:
-    """Return the environment that sets the parameters of this tick; `params` overrides. `own`: set by the airframe."""
+    """Return the environment that sets the parameters of this tick; `params` overrides. `own`: set by PX4's scripts."""
     fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
     return {
         f"PX4_PARAM_{key}": _kept(key, value) if key in own else _text(value)
@@ -99,10 +99,11 @@ def _kept(name: str, value: float) -> str:
 
 
 def _parameters_of(data: Path, number: str, name: str) -> frozenset[str]:
-    """Return the names of the parameters that an airframe sets itself, and those of its kind of vehicle."""
+    """Return the names of the parameters that the start scripts set: for simulators, an airframe, a kind of vehicle."""
     scripts = [
         data / "init.d-posix" / "airframes" / f"{number}_{name}",
         *sorted((data / "init.d").glob("rc.*_defaults")),
+        *sorted((data / "init.d-posix").glob("px4-rc.*")),
     ]
     texts = [path.read_text(errors="replace") for path in scripts if path.is_file()]
     return frozenset(found for text in texts for found in re.findall(r"param set-default (?:-s )?(\w+)", text))

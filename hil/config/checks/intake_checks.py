@@ -43,15 +43,34 @@ def untaken_sensors(config: BenchConfig) -> list[str]:
 
 
 def intake_notes(config: BenchConfig) -> list[str]:
-    """Describe the sensors of which the autopilot takes nothing, or that its firmware simulates itself."""
+    """Describe sensors that the autopilot does not take, or that are late for it, or that its firmware simulates."""
+    notes = [*untaken_sensors(config), *_late_sensors(config)]
     simulated = simulated_sensors(config)
     if not simulated:
-        return untaken_sensors(config)
+        return notes
     own = (
         f"{config.autopilot.kind} simulates {', '.join(simulated)} itself, with parameters of its own: settings and "
         "noise of the bench do not reach it; faults of these sensors are made by its parameters"
     )
-    return [*untaken_sensors(config), own]
+    return [*notes, own]
+
+
+def _late_sensors(config: BenchConfig) -> list[str]:
+    """Describe the sensors with a latency beyond the delays that the autopilot documents."""
+    notes = []
+    for name, sensor in config.sensors.items():
+        intake = intake_of(config, name) if sensor.autopilot else None
+        delay = intake.delay if isinstance(intake, Samples) else None
+        if delay is not None and _latency_ms(sensor) > delay.most_ms:
+            notes.append(
+                f"sensor {name}: its latency_s is {sensor.parameters.latency_s:g}, and {config.autopilot.kind} "
+                f"documents {delay.names[0]} up to {delay.most_ms:g} ms"
+            )
+    return notes
+
+
+def _latency_ms(sensor: SensorConfig) -> float:
+    return round(1e3 * sensor.parameters.latency_s, 6)
 
 
 def intake_parameters(config: BenchConfig) -> dict[str, float]:
@@ -67,7 +86,7 @@ def intake_parameters(config: BenchConfig) -> dict[str, float]:
                 p = sensor.parameters
                 parameters |= dict(zip(intake.limits, (p.min_distance_m, p.max_distance_m), strict=True))
             if intake.delay is not None:
-                parameters[intake.delay] = round(1e3 * sensor.parameters.latency_s, 6)  # ms
+                parameters |= dict.fromkeys(intake.delay.names, _latency_ms(sensor))
     return parameters
 
 

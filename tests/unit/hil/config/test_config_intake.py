@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from hil.cli.app import app
 from hil.config import load_bench
+from hil.config.checks.intake_checks import intake_notes
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 
 HEAD = """rig: {rig}
@@ -136,3 +137,16 @@ def test_hil_check_tells_of_a_sensor_that_nothing_takes(rig: str, told: bool) ->
     assert (f"note: sensor flow: {rig} takes no optical_flow" in check(text)) == told
     assert "optical_flow" not in check(text.replace("rate_hz: 50}", "rate_hz: 50, autopilot: false}"))
     assert ("simulates gps, baro, mag itself" in check(text)) == (rig == "ardupilot_sitl")
+
+
+@pytest.mark.parametrize(("latency_s", "told"), [(0.3, False), (0.4, True)])
+def test_hil_check_tells_of_a_sensor_that_is_later_than_px4_documents(latency_s: float, told: bool) -> None:
+    def notes(rig: str, more: str = "") -> str:
+        text = f"rig: {rig}\nsensors: {{gps: {{latency_s: {latency_s}{more}}}}}\n"
+        start = STARTED_BY_USER.get(rig)
+        config = load(text + (f"autopilot: {{{start}}}\n" if start else "")).config
+        return "\n".join(intake_notes(config))
+
+    note = "sensor gps: its latency_s is 0.4, and px4_sitl documents EKF2_GPS_DELAY up to 300 ms"
+    assert notes("px4_sitl") == (note if told else "")
+    assert "latency" not in notes("px4_sitl", ", autopilot: false") + notes("mock") + notes("ardupilot_sitl")

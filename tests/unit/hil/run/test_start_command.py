@@ -80,24 +80,43 @@ def test_px4(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("bench.parm"))
 
 
-def test_px4_is_told_how_old_the_samples_of_the_sensors_are(tmp_path: Path) -> None:
-    def told(more: str) -> dict[str, str]:
-        text = "rig: px4_sitl\nsensors:\n  gps: {preset: f9p}\n  baro: null\n  mag: null\n"
-        words = start_command(load(text + more), tmp_path).split()
-        return dict(word.removeprefix("PX4_PARAM_").split("=") for word in words if "_DELAY=" in word)
+def told_delays(tmp_path: Path, more: str) -> dict[str, str]:
+    """Return the parameters of delays of a bench with a GPS and `more` sensors and settings."""
+    text = "rig: px4_sitl\nsensors:\n  gps: {preset: f9p}\n  baro: null\n  mag: null\n"
+    words = start_command(load(text + more), tmp_path).split()
+    return dict(word.removeprefix("PX4_PARAM_").split("=") for word in words if "_DELAY" in word)
 
-    assert told("autopilot: {start: false}\n") == {"EKF2_GPS_DELAY": "80"}
+
+def gps_delay(ms: str) -> dict[str, str]:
+    """Return the delay of the GPS under the names of all versions of PX4."""
+    return dict.fromkeys(("EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GPS1_DELAY"), ms)
+
+
+def test_px4_is_told_how_old_the_samples_of_the_sensors_are(tmp_path: Path) -> None:
+    assert told_delays(tmp_path, "autopilot: {start: false}\n") == gps_delay("80")
     more = "  eye: {preset: tfmini, rate_hz: 50}\n  flow: {preset: pmw3901, rate_hz: 50}\n"
     more += "  vision: {kind: external_vision, rate_hz: 30, latency_s: 0.045}\n"
-    assert told(more + "autopilot: {start: false}\n") == {
-        "EKF2_GPS_DELAY": "80",
+    assert told_delays(tmp_path, more + "autopilot: {start: false}\n") == gps_delay("80") | {
         "EKF2_RNG_DELAY": "10",
         "EKF2_OF_DELAY": "10",
         "EKF2_EV_DELAY": "45",
     }
     own = "autopilot: {start: false, airframe: iris}\n"
-    assert told(own) == {"EKF2_GPS_DELAY": "80"}  # the sensors are the bench's, whatever the airframe
-    assert told("  mast: {preset: m8n, rate_hz: 5, autopilot: false}\n" + own) == {"EKF2_GPS_DELAY": "80"}
+    assert told_delays(tmp_path, own) == gps_delay("80")  # the sensors are the bench's, whatever the airframe
+    mast = "  mast: {preset: m8n, rate_hz: 5, autopilot: false}\n"
+    assert told_delays(tmp_path, mast + own) == gps_delay("80")
+
+
+def test_px4_looks_back_as_far_as_its_slowest_sensor_needs(tmp_path: Path) -> None:
+    def horizon(latency_s: float) -> str | None:
+        vision = f"  vision: {{kind: external_vision, rate_hz: 30, latency_s: {latency_s}}}\n"
+        told = told_delays(tmp_path, vision + "autopilot: {start: false}\n")
+        assert told["EKF2_EV_DELAY"] == f"{1e3 * latency_s:g}"
+        return told.get("EKF2_DELAY_MAX")
+
+    assert horizon(0.144) is None  # PX4's default of 200 ms is enough
+    assert horizon(0.148) == "205"
+    assert horizon(0.25) == "332.5"
 
 
 def test_parameters_of_the_bench_go_over_those_of_its_sensors() -> None:
