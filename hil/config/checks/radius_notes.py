@@ -20,13 +20,14 @@ def radius_notes(bench: Bench) -> list[str]:
     if bench.mission is None:
         return []
     wings_at = _wings_at(bench)
+    usual_on_wings_m = _usual_on_wings_m(bench) if any(wings_at) else 0.0
     wide: dict[int, tuple[Leg, str]] = {}  # by item: a jump repeats it
     near: dict[int, tuple[Leg, str]] = {}
     for leg in waypoint_legs(planned_path(bench.mission, bench.scene, home_W=bench.config.start.p_W)):
         named_m, counts_m = named_radius_m(bench.mission.items[leg.seq]), leg.acceptance_radius_m
         radius_m = counts_m if named_m is None else named_m
         length_m = math.dist(leg.start_W[:2], leg.end_W[:2])
-        if length_m <= SAME_M or (wings_at[leg.seq] and counts_m <= _usual_on_wings_m(bench)):
+        if length_m <= SAME_M or (wings_at[leg.seq] and counts_m <= usual_on_wings_m):
             continue
         if length_m <= counts_m and math.dist(leg.start_W, leg.end_W) <= counts_m:
             near.setdefault(
