@@ -1,4 +1,4 @@
-"""Limits that a flight can break. A greater one would be met whatever was flown, which `null` says openly."""
+"""Limits that judge a flight. Wider ones would be met whatever was flown, which `null` says openly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pydantic import AfterValidator, Field
 def _breakable(most: float, unit: str) -> AfterValidator:
     def checked(value: float) -> float:
         if value >= most:
-            raise ValueError(f"{value:g} {unit} is met by any flight: write less than {most:g} {unit}, or null")
+            raise ValueError(
+                f"{value:g} {unit} is too wide to judge a flight: write less than {most:g} {unit}, or null"
+            )
         return value
 
     return AfterValidator(checked)

@@ -393,9 +393,8 @@ class Goal(Section):
     outcome: str = "goal"  # expected report of the client; another one if the goal cannot be reached
     within_m: DistanceLimit | None = 1.5
     min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # between the vehicle and any geometry
-    max_path_ratio: Annotated[float, Field(ge=1, lt=100)] | None = (
-        1.35  # flown length over the shortest path on the full map
-    )
+    # Flown length over that of the shortest path on the full map.
+    max_path_ratio: Annotated[float, Field(ge=1, lt=100)] | None = 1.35
 
 
 class Search(Section):

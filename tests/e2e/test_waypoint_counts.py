@@ -16,6 +16,7 @@ from hil.config import load_bench
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.recorder.track import Track
 from hil.run.report.figures import draw_path
+from signals.words import counted
 from tests.worlds.bench_process import Hil
 from tests.worlds.patience import PATIENCE_S
 
@@ -74,4 +75,4 @@ def test_every_place_shows_the_same_count(
     labels = [label for drawn in axes.texts for label in drawn.get_text().split(", ")]
     assert sorted(labels) == [*map(str, range(1, end[1] + 1)), "landing", "take-off"]
     assert run_command_line(["check", str(folder / "bench.yaml")]) == 0
-    assert f", {end[1]} waypoints, " in capsys.readouterr().out.replace("\n", " ")
+    assert f", {counted(end[1], 'waypoint')}, " in capsys.readouterr().out.replace("\n", " ")

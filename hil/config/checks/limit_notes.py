@@ -1,4 +1,4 @@
-"""Notes on limits that a bench sets and that do not judge its kind of vehicle.
+"""Notes on limits that differ from the default and that do not judge the kind of vehicle of their bench.
 
 A multirotor is judged by `limits`, a plane by `plane_limits`, a VTOL by those and `vtol_limits`. Other sections have no
 effect, and a PASS says nothing about what they ask for. Whoever changes the vehicle of a bench may leave them in it.

@@ -4,11 +4,12 @@
     thrust coefficient   C_T = k / (rho pi R^4)                          0.0057 to 0.025
     torque over thrust   moment_ratio_m / R                              0.12 to 0.47
     radius of gyration   sqrt(I / m) over the distance of its outermost  0.16 to 0.60
-                         sphere or rotor; 1 would be a hollow shell
+                         sphere, rotor or wing tip; 1 would be a hollow
+                         shell
     thrust over weight   of all lifting rotors at full speed             1.7 to 4.6
 
-Bounds are wide enough for any real propeller and narrow enough for a factor of 9.55 (rev/min for rad/s), 39.4 (in for
-m) or 1000 (g for kg).
+Bounds are wide enough for any real propeller or ducted fan (C_T 0.1 to 0.25, because its disc is small) and narrow
+enough for a factor of 9.55 (rev/min for rad/s), 39.4 (in for m) or 1000 (g for kg).
 """
 
 from __future__ import annotations
@@ -20,13 +21,16 @@ from signals.documents.document import Place
 from signals.documents.validate import Located, at
 from signals.errors import Problem
 from signals.units import STANDARD_GRAVITY_MPS2
-from sim.physics.forces.rotors import LEAST_UP, RotorGroup
+from sim.physics.forces.rotors import LEAST_UP, RotorConstants, RotorGroup
+from sim.physics.forces.wing import WingParameters
 from sim.physics.vehicle import Vehicle
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 _SOUND_MPS = 340.3
 _MOST_MACH = 0.95
-_THRUST_COEFFICIENT = (0.001, 0.15)
+_LEAST_MACH = 0.15  # of rotors at full speed
+_THRUST_COEFFICIENT = (0.001, 0.4)
+_PROPELLERS, _DUCTED_FANS = (0.005, 0.03), (0.1, 0.25)  # usual thrust coefficients
 _MOST_TORQUE_ARM = 1.5
 _GYRATION = (0.03, 1.0)
 _MOST_THRUST = 30.0  # weights
@@ -49,7 +53,7 @@ def _rotor_problems(group: RotorGroup) -> Iterator[tuple[Place, str, str]]:
     if not least <= coefficient <= most:
         message = (
             f"is {k:.4g}, and with radius_m {c.radius_m:g} the thrust coefficient C_T = k / (rho pi R^4) is "
-            f"{coefficient:.2g}, where propellers have 0.005 to 0.03"
+            f"{coefficient:.2g}, where propellers have 0.005 to 0.03 and ducted fans 0.1 to 0.25"
         )
         yield (*key, "thrust_coefficient_n_per_radps2"), message, _thrust_hint(k, c.radius_m)
     elif mach > _MOST_MACH:
@@ -57,34 +61,43 @@ def _rotor_problems(group: RotorGroup) -> Iterator[tuple[Place, str, str]]:
         message = (
             f"lets it turn at {c.max_speed_radps:.4g} rad/s, where tips {c.radius_m:g} m out move at Mach {mach:.2g}"
         )
-        hint = "give speeds in rad/s"
-        if mach * _RADPS_OF_RPM <= _MOST_MACH:
-            hint = f"{c.max_speed_radps:.4g} rev/min are {c.max_speed_radps * _RADPS_OF_RPM:.4g} rad/s"
-        yield speed, message, hint
+        yield speed, message, _speed_hint(c, mach)
     arm = c.moment_ratio_m / c.radius_m
     if arm > _MOST_TORQUE_ARM:
         message = f"is {c.moment_ratio_m:g}, {arm:.2g} times radius_m: the torque of a propeller is 0.05 to 0.5 of T R"
         yield (*key, "moment_ratio_m"), message, "give torque over thrust in m"
 
 
+def _speed_hint(c: RotorConstants, mach: float) -> str:
+    if c.motor is not None:
+        return "give kv_rpm_per_v without load, nominal_voltage_v in V, and radius_m in m"
+    if _LEAST_MACH <= mach * _RADPS_OF_RPM <= _MOST_MACH:
+        return f"{c.max_speed_radps:.4g} rev/min are {c.max_speed_radps * _RADPS_OF_RPM:.4g} rad/s"
+    return "give the full speed under load in rad/s, not kV times volts"
+
+
 def _thrust_hint(k: float, radius_m: float) -> str:
-    """Return the unit in which thrust coefficient or radius would be those of a propeller."""
-    for unit, of_k, of_radius in (
+    """Return the unit in which thrust coefficient or radius would be those of a propeller, or else of a ducted fan."""
+    units = (
         ("thrust is per (rad/s)^2, and it seems to be per (rev/min)^2", 1.0 / _RADPS_OF_RPM**2, 1.0),
         ("radius_m is in m, and it seems to be in inches", 1.0, 0.0254),
         ("radius_m is the radius, and it seems to be the diameter", 1.0, 0.5),
         ("radius_m is in m, and it seems to be in cm", 1.0, 0.01),
         ("radius_m is the radius in m, and it seems to be the diameter in inches", 1.0, 0.0127),
         ("thrust is in N, and it seems to be in grams of weight", 0.00980665, 1.0),
-    ):
-        coefficient = of_k * k / (SEA_LEVEL_KGPM3 * math.pi * (of_radius * radius_m) ** 4)
-        if 0.005 <= coefficient <= 0.03:
-            return unit
+    )
+    for least, most in (_PROPELLERS, _DUCTED_FANS):
+        for unit, of_k, of_radius in units:
+            if least <= of_k * k / (SEA_LEVEL_KGPM3 * math.pi * (of_radius * radius_m) ** 4) <= most:
+                return unit
     return "check the units of both: N per (rad/s)^2, and m"
 
 
 def _gyration_problems(vehicle: Vehicle) -> Iterator[tuple[Place, str, str]]:
-    reach_m = max([vehicle.bounding_radius_m, *(math.hypot(*rotor.position_m) for rotor in vehicle.rotors)])
+    wings = [force for force in vehicle.forces if isinstance(force, WingParameters)]
+    ends = [corner for wing in wings for solid in wing.solids(()) for corner in solid]
+    ends += [rotor.position_m for rotor in vehicle.rotors]
+    reach_m = max([vehicle.bounding_radius_m, *(math.hypot(*end) for end in ends)])
     least, most = _GYRATION
     for axis, inertia_kgm2 in zip("xyz", vehicle.inertia_kgm2, strict=True):
         share = math.sqrt(inertia_kgm2 / vehicle.mass_kg) / reach_m
@@ -92,7 +105,7 @@ def _gyration_problems(vehicle: Vehicle) -> Iterator[tuple[Place, str, str]]:
             continue
         message = (
             f"of {inertia_kgm2:.4g} about {axis} puts {vehicle.mass_kg:.4g} kg "
-            f"{share * reach_m:.2g} m from the axis, and the vehicle's spheres and rotors reach {reach_m:.2g} m"
+            f"{share * reach_m:.2g} m from the axis, and the vehicle's spheres, rotors and wings reach {reach_m:.2g} m"
         )
         yield ("inertia_kgm2",), message, "give inertias in kg m2, mass_kg in kg, and positions in m"
         return

@@ -24,6 +24,8 @@ from sim.scene.scene import Scene
 
 MAX_LEGS = 5_000  # after so many legs a mission counts as endless
 ACCEPTANCE_RADIUS_M = 2.0  # PX4's default of NAV_ACC_RAD, for items without a radius
+WINGS_REACH_M = 20.0  # a waypoint flown to on wings counts within the radius of a turn and this, at least
+SAME_M = 0.05  # places nearer than this are one place, to which nothing is flown
 
 
 class LegKind(Enum):
@@ -120,7 +122,7 @@ def named_radius_m(item: MissionItem) -> float | None:
 def _greatest_radius_m(legs: Sequence[Leg], start_W: Vec3, end_W: Vec3) -> float:
     """Return the greatest acceptance radius at the end of a leg; at a place again, that of the time before serves."""
     length_m = math.dist(start_W[:2], end_W[:2])
-    before_m = legs[-1].acceptance_radius_m if legs and length_m <= ACCEPTANCE_RADIUS_M else 0.0
+    before_m = legs[-1].acceptance_radius_m if legs and length_m <= SAME_M else 0.0
     return max(ACCEPTANCE_RADIUS_M, 0.5 * length_m, before_m)
 
 

@@ -34,7 +34,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.path import WINGS_REACH_M, Leg, LegKind
 from hil.config.missions.script import Outcome
 from hil.config.schema import PlaneLimits
 from hil.run.verdict.air_data import air_data
@@ -48,7 +48,7 @@ from signals.time import NS_PER_S
 
 _STRIDE = 10  # ticks
 _JUDGED_M = 5.0  # height over the start from which airspeed and bank count
-_REACH_EXTRA_M, _REACH_HEIGHT_M = 20.0, 10.0
+_REACH_HEIGHT_M = 10.0
 _PASSED = 3.0  # times the distance
 _LEVEL_M = 0.5
 _ON_CIRCLE = 0.1
@@ -99,7 +99,7 @@ class PlaneMeasurement:
         self._path = FlyablePath(stops, radius_m)
         self._stops = self._path.stops
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
-        self._reach_m = radius_m + _REACH_EXTRA_M
+        self._reach_m = radius_m + WINGS_REACH_M
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
         self._stall, self._wind_at = stall, wind_at
         self._take_off = TakeOffHeight(legs, reach_height_m=self._height_m)

@@ -7,8 +7,9 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
                    the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
                    least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
-                   corner. A margin above `UNJUDGED_M` reaches no further than half of the leg, a height above it no
-                   lower than half of the waypoint's height: the vehicle must have flown there.
+                   corner. The vehicle must have flown there, though: a margin above `REACH_MARGIN_M` is at most half of
+                   the longer of the legs that meet at the waypoint, one above `UNJUDGED_M` reaches no further than half
+                   of its own leg, and a height above it no lower than half of the waypoint's height.
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
@@ -121,7 +122,7 @@ class FlightMeasurement:
         margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
         height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
-        self._reaches_m = [_reach_m(leg, margin_m) for leg in self._fly_legs]
+        self._reaches_m = _reaches_m(self._fly_legs, margin_m)
         home_up_m = legs[0].start_W[2] if legs else 0.0
         self._heights_m = [min(height_m, max(UNJUDGED_M, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
         self._settle_m = _settle_distances_m(self._fly_legs)
@@ -317,10 +318,27 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
     return distances
 
 
-def _reach_m(leg: Leg, margin_m: float) -> float:
-    """Return the horizontal distance [m] from the end of a leg at which it counts as reached."""
-    radius_m = leg.acceptance_radius_m
-    return min(radius_m + margin_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg)))
+def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
+    """Return for every leg the horizontal distance [m] from its end at which it counts as reached.
+
+    At one place again, the legs before and after it meet. The waypoints of a plan that stays there have no such legs.
+    """
+    before_m, after_m = _lengths_so_far_m(fly), _lengths_so_far_m(fly[::-1])[::-1]
+    reaches_m: list[float] = []
+    for i, leg in enumerate(fly):
+        longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
+        near_m = leg.acceptance_radius_m + min(margin_m, max(REACH_MARGIN_M, 0.5 * longer_m))
+        reaches_m.append(min(near_m, max(leg.acceptance_radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
+    return reaches_m
+
+
+def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:
+    """Return for every leg its length [m], or that of the last leg before it that leads to another place; 0: none."""
+    lengths_m: list[float] = []
+    for leg in legs:
+        so_far_m = lengths_m[-1] if lengths_m else 0.0
+        lengths_m.append(_length_m(leg) if _length_m(leg) > STILL_M else so_far_m)
+    return lengths_m
 
 
 def _is_level(leg: Leg) -> bool:

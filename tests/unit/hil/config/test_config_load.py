@@ -47,10 +47,10 @@ def test_a_map_on_the_command_line_takes_the_place_of_a_map_made_from_a_seed() -
 def test_limits_that_no_flight_breaks_are_refused_at_their_line() -> None:
     limits = "limits: {max_cross_track_m: 1.0e+9, landed_tilt_deg: 180}\ncrash:\n  impact_mps: 1000\n"
     assert refused(limits + "plane_limits:\n  stalled_s: 1.0e+6\n") == [
-        "b.yaml:1: limits.max_cross_track_m: 1e+09 m is met by any flight: write less than 1000 m, or null",
-        "b.yaml:1: limits.landed_tilt_deg: 180 deg is met by any flight: write less than 180 deg, or null",
-        "b.yaml:3: crash.impact_mps: 1000 m/s is met by any flight: write less than 50 m/s, or null",
-        "b.yaml:5: plane_limits.stalled_s: 1e+06 s is met by any flight: write less than 3600 s, or null",
+        "b.yaml:1: limits.max_cross_track_m: 1e+09 m is too wide to judge a flight: write less than 1000 m, or null",
+        "b.yaml:1: limits.landed_tilt_deg: 180 deg is too wide to judge a flight: write less than 180 deg, or null",
+        "b.yaml:3: crash.impact_mps: 1000 m/s is too wide to judge a flight: write less than 50 m/s, or null",
+        "b.yaml:5: plane_limits.stalled_s: 1e+06 s is too wide to judge a flight: write less than 3600 s, or null",
     ]
     assert load("limits: {max_cross_track_m: 900, landed_tilt_deg: null}\n").config.limits.landed_tilt_deg is None
 

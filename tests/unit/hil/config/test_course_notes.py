@@ -159,6 +159,47 @@ def test_waypoints_within_their_own_radius_of_the_place_before_are_told(tmp_path
     assert radius_notes(load_bench(mission="rigs/missions/square.waypoints")) == []
 
 
+def edited(mission: str, path: Path, radii_m: dict[int, float], longitudes_deg: dict[int, str] | None = None) -> str:
+    """Write a shipped mission with other acceptance radii and longitudes, by item, and return its name."""
+    rows = [line.split("\t") for line in Path(mission).read_text().splitlines()]
+    for seq, radius_m in radii_m.items():
+        rows[seq + 1][5] = f"{radius_m:g}"
+    for seq, longitude_deg in (longitudes_deg or {}).items():
+        rows[seq + 1][9] = longitude_deg
+    path.write_text("\n".join("\t".join(row) for row in rows) + "\n")
+    return str(path)
+
+
+def test_the_named_radius_is_told_whichever_counts(tmp_path: Path) -> None:
+    """The second of two waypoints 1 m apart with 5 m was said to have 2 m."""
+    path = edited("rigs/missions/square.waypoints", tmp_path / "m.waypoints", {4: 5.0}, {4: "8.54560700"})
+    (note,) = radius_notes(load_bench(mission=path))
+    assert "item 4 lies 0.98 m from the place before, within its acceptance radius of 5 m: " in note
+
+
+def test_wings_pass_waypoints_by_within_the_usual_reach(tmp_path: Path) -> None:
+    """A waypoint of the X8 counts within 67 m, so that 50 m, half of the 100 m to it, is no bound."""
+    near = {2: "8.54957144"}
+    for radius_m, told in ((60.0, 0), (1e9, 3)):
+        radii = dict.fromkeys((2, 3, 4, 5), radius_m)
+        path = edited("rigs/missions/circuit.waypoints", tmp_path / "m.waypoints", radii, near)
+        notes = radius_notes(load_bench(Path("rigs/plane.yaml"), mission=path))
+        assert len(notes) == (told > 0)
+        if told:
+            assert "item 3 has an acceptance radius of 1e+09 m, more than half of the 412.4 m to it (it c" in notes[0]
+            assert notes[0].endswith(f"; {told - 1} more such")
+
+
+def test_a_vtol_is_told_of_waypoints_in_hover_as_a_multirotor(tmp_path: Path) -> None:
+    path = tmp_path / "m.waypoints"
+    edited("rigs/missions/vtol_circuit.waypoints", path, {2: 1e9}, {2: "8.54678820"})  # 90 m
+    assert radius_notes(load_bench(Path("rigs/vtol.yaml"), mission=str(path))) == []
+    hover = ["autopilot.params.NAV_FORCE_VT=0"]
+    path.write_text(path.read_text().replace("\t84\t", "\t22\t"))
+    (note,) = radius_notes(load_bench(Path("rigs/vtol.yaml"), mission=str(path), settings=hover))
+    assert "(it counts within 45.1 m)" in note
+
+
 def test_headings_that_take_longer_than_the_way_are_told_where_the_autopilot_waits_for_them() -> None:
     ring, px4 = "rigs/missions/people_ring.plan", ["autopilot.start=false"]
     bench = load_bench(rig="px4_sitl", mission=ring, settings=px4)

@@ -32,7 +32,7 @@ def test_a_campaign_is_recognised_and_counted(tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize("text", ["bench: null\nsettings: {rig: mock}\n", "settings: {rig: mock}\n"])
 def test_a_campaign_without_axes_is_one(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It was read as a bench, whose unknown keys were told."""
-    assert check(tmp_path, text, capsys) == (0, "ok: campaign of 1 points, axes none\n")
+    assert check(tmp_path, text, capsys) == (0, "ok: campaign of 1 point, axes none\n")
 
 
 def test_a_slip_in_a_bench_makes_no_campaign_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,6 +48,14 @@ def test_a_waypoint_counts_no_farther_than_half_of_the_way_to_it() -> None:
     assert radii == pytest.approx([50, 10, 5, 5, 5, 5, 2], abs=0.02)
 
 
+def test_close_waypoints_do_not_take_over_the_radius_of_a_long_leg() -> None:
+    """Thirty waypoints 1.9 m apart after a leg of 100 m had its 50 m, and all counted at once."""
+    path = legs(item(16, 101, 2, 10, p2=1e9), *(item(16, 101, 2 + 1.9 * i, 10, p2=1e9) for i in range(1, 31)))
+    first, *others = (leg.acceptance_radius_m for leg in path)
+    assert first == pytest.approx(50, abs=0.02)
+    assert others == [2.0] * 30
+
+
 def test_heights_count_from_home_sea_level_or_ground() -> None:
     path = legs(item(16, 10, 0, 20, frame=3), item(16, 20, 0, 500, frame=0), item(16, 30, 0, 20, frame=10))
     assert [leg.end_W[2] for leg in path] == [20.25, 12.0, 20.0]

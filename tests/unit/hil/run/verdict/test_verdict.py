@@ -140,6 +140,41 @@ def test_wide_limits_reach_no_waypoint_from_afar() -> None:
     assert flown(rectangle(60.2), low, limits=wide).reached == 5
 
 
+def square(side_m: float, height: float = 3.2) -> list[Leg]:
+    top = (0.0, 0.0, height)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top)]
+    for seq, (x, y) in enumerate([(side_m, 0.0), (side_m, side_m), (0.0, side_m), (0.0, 0.0)], start=1):
+        legs.append(Leg(LegKind.FLY, seq, legs[-1].end_W, (x, y, height)))
+    return [*legs, Leg(LegKind.DESCENT, 5, top, HOME)]
+
+
+@pytest.mark.parametrize("limit_m", [6.0, 10.0, 11.0, 900.0, None])
+def test_a_hover_flies_no_square_of_four_metres_whatever_the_limit(limit_m: float | None) -> None:
+    """It was reached 4 of 4."""
+    limits = Limits(max_cross_track_m=limit_m)
+    hover = [HOME, (0.0, 0.0, 3.2), HOME]
+    assert flown(square(4.0), hover, limits=limits).reached <= 1
+    assert judge(flown(square(4.0), hover, limits=limits), limits).status == "FAIL"
+    assert flown(square(4.0), tour([(4, 0), (4, 4), (0, 4)], 3.2), limits=limits).reached == 4
+
+
+def test_short_legs_between_long_ones_are_judged_by_the_long_ones() -> None:
+    """Lines of a survey 2 m apart, all of it flown 3.5 m to the east: as far off as it may be."""
+    lines = [(0.0, 0.0), (0.0, 50.0), (2.0, 50.0), (2.0, 50.0), (2.0, 0.0), (4.0, 0.0), (4.0, 50.0)]
+    legs = [Leg(LegKind.CLIMB, 0, HOME, (0.0, 0.0, 10.2))]
+    for seq, (x, y) in enumerate(lines, start=1):
+        legs.append(Leg(LegKind.FLY, seq, legs[-1].end_W, (x, y, 10.2)))
+    east = tour([(x + 3.5, y) for x, y in lines], end=(7.5, 50.0))[:-1]
+    assert flown(legs, east, limits=Limits(max_cross_track_m=4.0)).reached == 7
+
+
+def test_a_hover_over_one_place_keeps_the_margin_of_its_limit() -> None:
+    above = (0.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, above), Leg(LegKind.FLY, 1, above, above)]
+    aside = [HOME, (3.5, 0.0, 0.2), (3.5, 0.0, 10.2)]
+    assert flown(legs, aside, limits=Limits(max_cross_track_m=4.0)).reached == 1
+
+
 def test_a_missed_waypoint_stops_the_count_and_fails() -> None:
     measured = flown(rectangle(), tour([CORNERS[0], (36.0, 0.0), (36.0, 25.0), CORNERS[3], CORNERS[4]]))
     assert measured.reached == 1
