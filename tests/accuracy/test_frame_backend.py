@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -83,8 +84,10 @@ def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -
             colour.close()
         depth, low, high = np.where(np.isin(ids, leaves), np.nan, out["depth"]), planes["near_m"], planes["far_m"]
         assert seen[(depth > 1.01 * low) & (depth < 0.99 * high)].mean() > 0.99
-        # Behind a clipped near geom another may be visible; beyond the far plane there is nothing.
-        assert not seen[depth > 1.01 * high].any()
+        # Behind a clipped near geom another may be visible; beyond the far plane there is nothing. On an edge the
+        # renderers may see either side.
+        nearest = cv2.erode(out["depth"], np.ones((3, 3), np.uint8))
+        assert not seen[nearest > 1.01 * high].any()
     rival = MujocoRenderer(park, camera, shadows=False)
     rival.close()
     assert (size.offwidth, size.offheight) == before

@@ -5,7 +5,8 @@
     torque over thrust   moment_ratio_m / R                              0.12 to 0.47
     radius of gyration   sqrt(I / m) over the distance of its outermost  0.16 to 0.60
                          sphere, rotor or wing tip; 1 would be a hollow
-                         shell
+                         shell, and g for kg or cm2 for m2 give a factor
+                         of 30 to 100
     thrust over weight   of all lifting rotors at full speed             1.7 to 4.6
 
 Bounds are wide enough for any real propeller or ducted fan (C_T 0.1 to 0.25, because its disc is small) and narrow
@@ -32,7 +33,7 @@ _LEAST_MACH = 0.15  # of rotors at full speed
 _THRUST_COEFFICIENT = (0.001, 0.4)
 _PROPELLERS, _DUCTED_FANS = (0.005, 0.03), (0.1, 0.25)  # usual thrust coefficients
 _MOST_TORQUE_ARM = 1.5
-_GYRATION = (0.03, 1.0)
+_GYRATION = (0.03, 2.0)
 _MOST_THRUST = 30.0  # weights
 _RADPS_OF_RPM = math.tau / 60.0
 
