@@ -178,7 +178,7 @@ def test_few_calls_lie_between_the_answer_and_the_next_write(
 
     monkeypatch.setattr(FdStream, "_read_now", counted_read)
     monkeypatch.setattr(FdStream, "write", counted_write)
-    # On a processor of its own the bench records after the write; on a shared one, until the machine is busy, before it.
+    # On a processor of its own the bench records after the write; on a shared one, before it.
     settings = ["autopilot.share_processor=false", "record.report=false"]
     settings += [f"autopilot.binary='{px4_build}'", f"autopilot.instance={free_instance()}"]
     result = run_bench(load_bench(rig="px4_sitl", settings=settings), tmp_path / "out", quiet=True, more=[counted])
