@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
-from hil.config.checks.course_notes import course_notes
-from hil.config.checks.heading_notes import heading_notes
+from hil.config.checks.flight_notes import flight_notes
 from hil.config.checks.intake_checks import intake_notes
-from hil.config.checks.limit_notes import limit_notes
-from hil.config.checks.radius_notes import radius_notes
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
@@ -36,8 +33,7 @@ def check_bench(choice: BenchChoice) -> str:
 def _notes(bench: Bench) -> list[str]:
     """Return what is otherwise than the bench and the mission state: not taken, not judged, or in the way."""
     mission = bench.mission.notes if bench.mission is not None else ()
-    flown = (*radius_notes(bench), *heading_notes(bench), *course_notes(bench))
-    return [*mission, *limit_notes(bench), *flown, *intake_notes(bench.config)]
+    return [*mission, *flight_notes(bench), *intake_notes(bench.config)]
 
 
 def _facts(bench: Bench) -> str:

@@ -17,7 +17,7 @@ def heading_notes(bench: Bench) -> list[str]:
     """Describe the first waypoint to which the vehicle flies in less time than the turn of its nose takes."""
     autopilot, mission = bench.config.autopilot, bench.mission
     wait = autopilot.profile.heading_wait
-    if not wait or mission is None or is_plane(bench.vehicle) or wait in autopilot.params | autopilot.params_of_file:
+    if not wait or mission is None or is_plane(bench.vehicle) or wait in autopilot.all_params:
         return []
     speeds_mps, speed_mps = [], _SPEED_MPS  # by item
     for item in mission.items:
@@ -36,10 +36,8 @@ def heading_notes(bench: Bench) -> list[str]:
             late.setdefault(leg.seq, f"turns the nose by {turn_deg:.0f} degrees on {length_m:.1f} m")
     if not late:
         return []
-    seq, text = next(iter(late.items()))
-    where, name = mission.sources[seq]
-    more = f"; {len(late) - 1} more such" if len(late) > 1 else ""
+    first, more = mission.first_of(late)
     started = autopilot.profile.is_program and autopilot.start
     remedy = f"--set autopilot.params.{wait}=5 lets it fly on" if started else f"set its {wait} to 5"
     waits = f"{autopilot.profile.firmware.name} waits for the heading, moving on, and leaves its path"
-    return [f"{where}: {name} {text}: {waits}{more} ({remedy})"]
+    return [f"{first}: {waits}{more} ({remedy})"]

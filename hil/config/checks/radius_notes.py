@@ -6,7 +6,7 @@ import math
 
 from hil.config.bench import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import SAME_M, WINGS_REACH_M, Leg, named_radius_m, planned_path, waypoint_legs
+from hil.config.missions.path import SAME_M, WINGS_REACH_M, named_radius_m, planned_path, waypoint_legs
 from hil.config.missions.regimes import on_wings
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
@@ -21,8 +21,8 @@ def radius_notes(bench: Bench) -> list[str]:
         return []
     wings_at = _wings_at(bench)
     usual_on_wings_m = _usual_on_wings_m(bench) if any(wings_at) else 0.0
-    wide: dict[int, tuple[Leg, str]] = {}  # by item: a jump repeats it
-    near: dict[int, tuple[Leg, str]] = {}
+    wide: dict[int, str] = {}  # by item: a jump repeats it
+    near: dict[int, str] = {}
     for leg in waypoint_legs(planned_path(bench.mission, bench.scene, home_W=bench.config.start.p_W)):
         named_m, counts_m = named_radius_m(bench.mission.items[leg.seq]), leg.acceptance_radius_m
         radius_m = counts_m if named_m is None else named_m
@@ -30,20 +30,16 @@ def radius_notes(bench: Bench) -> list[str]:
         if length_m <= SAME_M or (wings_at[leg.seq] and counts_m <= usual_on_wings_m):
             continue
         if length_m <= counts_m and math.dist(leg.start_W, leg.end_W) <= counts_m:
-            near.setdefault(
-                leg.seq,
-                (leg, f"lies {length_m:.2g} m from the place before, within its acceptance radius of {radius_m:g} m"),
-            )
+            text = f"lies {length_m:.2g} m from the place before, within its acceptance radius of {radius_m:g} m"
+            near.setdefault(leg.seq, text)
         elif named_m is not None and named_m > counts_m:
             radius = f"has an acceptance radius of {named_m:g} m, more than half of the {length_m:.1f} m to it"
-            wide.setdefault(leg.seq, (leg, f"{radius} (it counts within {counts_m:.3g} m)"))
+            wide.setdefault(leg.seq, f"{radius} (it counts within {counts_m:.3g} m)")
     notes = []
     for found in (wide, near):
         if found:
-            leg, text = next(iter(found.values()))
-            where, item = bench.mission.sources[leg.seq]
-            more = f"; {len(found) - 1} more such" if len(found) > 1 else ""
-            notes.append(f"{where}: {item} {text}: an autopilot may pass it by{more}")
+            first, more = bench.mission.first_of(found)
+            notes.append(f"{first}: an autopilot may pass it by{more}")
     return notes
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -66,6 +66,12 @@ class Mission:
         """Return what is wrong with an item, at its line of the file."""
         where, name = self.sources[seq]
         return Problem(where, f"{name} {message}", hint)
+
+    def first_of(self, found: Mapping[int, str]) -> tuple[str, str]:
+        """Return the first text of what was found by item, with its line, and text of how many more there are."""
+        seq, text = next(iter(found.items()))
+        where, name = self.sources[seq]
+        return f"{where}: {name} {text}", f"; {len(found) - 1} more such" if len(found) > 1 else ""
 
 
 @dataclass(frozen=True)

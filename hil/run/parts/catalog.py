@@ -12,7 +12,6 @@ from importlib import import_module
 
 from firmware_bridge.autopilots.settings import MockFaults
 from hil.config import Bench
-from hil.config.checks.limit_notes import limit_notes
 from hil.config.checks.part_settings import part_module
 from hil.config.schema import Faults
 from hil.run.part import Part
@@ -68,7 +67,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
-    ("judges.course", lambda bench: bench.mission is not None),
+    ("judges.notes", _always),
     ("judges.flight", lambda bench: not is_plane(bench.vehicle) and not is_vtol(bench.vehicle)),
     ("judges.vtol_flight", lambda bench: is_vtol(bench.vehicle)),
     ("judges.plane_flight", lambda bench: is_plane(bench.vehicle)),
@@ -79,7 +78,6 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.search", lambda bench: bench.config.search is not None),
     ("judges.unflown", _may_stay),
     ("judges.radar_echoes", lambda bench: any(s.kind == "radar" for s in bench.config.sensors.values())),
-    ("judges.unjudged", lambda bench: bool(limit_notes(bench))),
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),

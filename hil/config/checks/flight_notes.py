@@ -1,0 +1,14 @@
+"""Notes on a flight before it begins, for `hil check` and the warnings of a run: each kind has a file of its own."""
+
+from __future__ import annotations
+
+from hil.config.bench import Bench
+from hil.config.checks.course_notes import course_notes
+from hil.config.checks.heading_notes import heading_notes
+from hil.config.checks.limit_notes import limit_notes
+from hil.config.checks.radius_notes import radius_notes
+
+
+def flight_notes(bench: Bench) -> list[str]:
+    """Describe limits that do not judge the flight, and what of its mission may not be flown as it is written."""
+    return [*limit_notes(bench), *radius_notes(bench), *heading_notes(bench), *course_notes(bench)]
