@@ -74,7 +74,7 @@ class CompanionLink:
         self.topics: frozenset[str] = frozenset()
         self._awaited: frozenset[str] = frozenset()  # clients with which the flight begins
         self._traced_missing: list[str] | None = None  # clients lost in the run whose trace this one repeats
-        self._bad_ends: dict[str, str] = {}  # of started clients after the flight, by name
+        self._bad_ends: dict[str, str] = {}  # texts of started clients that ended with an error, by name
 
     def _start_settings(self, client: str) -> dict[str, Any]:
         """Return the setting `start` of a shipped client that localises itself, if the bench moves the start."""
@@ -173,11 +173,7 @@ class CompanionLink:
         return [
             f"the companion {name} was lost {t_ns / NS_PER_S:.2f} s after the start and answered no more: {reason}"
             for name, (t_ns, reason) in sorted(lost.items())
-        ] + [
-            f"the companion {name} ended with an error: {end}"
-            for name, end in sorted(self._bad_ends.items())
-            if name not in stage.losses
-        ]
+        ] + [text for name, text in sorted(self._bad_ends.items()) if name not in stage.losses]
 
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
         """Begin a fault now. Raises ValueError if its client is not connected."""
@@ -207,12 +203,12 @@ class CompanionLink:
         started, self._started = self._started, []
         ends = close_all(started)
         if status == "over":
-            self._bad_ends |= ends.bad
-            for text in ends.terminated:
+            bad = {name: f"the companion {name} ended with an error: {end}" for name, end in ends.bad.items()}
+            self._bad_ends |= bad
+            # Under go_on no reason of the verdict tells of an error.
+            told = bad.values() if self.config.companion.on_loss == "go_on" else ()
+            for text in (*ends.terminated, *told):
                 self._on_event(-1, "warning", text)
-            if self.config.companion.on_loss == "go_on":  # no reason of the verdict tells it
-                for name, end in ends.bad.items():
-                    self._on_event(-1, "warning", f"the companion {name} ended with an error: {end}")
         trace, self._trace = self._trace, None
         try:
             if trace is not None:
