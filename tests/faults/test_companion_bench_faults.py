@@ -348,6 +348,20 @@ def test_a_pilot_that_commands_nothing_does_not_pass(tmp_path: Path, monkeypatch
     assert reason.endswith("in the phase preflight; they sent no desired state that moves the vehicle")
 
 
+@pytest.mark.parametrize(("then", "reasons"), [("None", 1), ("Desired(land=True)", 0)])
+def test_a_pilot_that_never_lands_does_not_pass(
+    then: str, reasons: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fault = f"if frame.t_ns > 9e9: return {then}"  # then it is mute: the vehicle hovers
+    companion = hostile(tmp_path, fault, monkeypatch)
+    outcome = fly(tmp_path, companion, settings=("duration_s=25", "mission=null"))
+    assert outcome.status == ("FAIL" if reasons else "PASS")
+    said = outcome.run["verdict"]["reasons"]
+    assert len(said) == reasons
+    for reason in said:
+        assert "never landed: the flight ended at duration_s (25 s) in the phase flying" in reason
+
+
 def test_missing_clients_are_a_handshake_error(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "clients: 2", settings=("companion.connect_timeout_s=0.3",))
     assert_error(outcome, "HandshakeError", "0 of 2 clients within 0.3 s", "ipc://")

@@ -124,11 +124,13 @@ class Runner:
             began_ns = time.monotonic_ns()
             desired = self._call(self._cut, frame)
             t2_ns = time.monotonic_ns() - began_ns
-            finished, report = bool(getattr(self._cut, "finished", False)), getattr(self._cut, "report", None)
+            finished, report = getattr(self._cut, "finished", False), getattr(self._cut, "report", None)
+            if callable(finished):
+                raise CutError("`finished` of the CUT is a method, which is always true: make it an attribute")
             entries = dict(report) if isinstance(report, Mapping) else None
-            changed = entries if entries != sent_report else None
+            changed = report if entries is None or entries != sent_report else None  # no mapping is refused there
             detections = getattr(self._cut, "detections", None)
-            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=changed, detections=detections)
+            client.done(frame, desired, t2_ns=t2_ns, finished=bool(finished), report=changed, detections=detections)
             sent_report = entries
             self.frames += 1
             if show is not None and frame.t_ns - shown_ns >= welcome.views_every_ns:

@@ -120,9 +120,26 @@ def test_a_loss_ends_the_runner_where_it_may_not_come_back() -> None:
     assert "the connection was lost" in said[-1]
 
 
+class AlwaysFinished:
+    def __call__(self, given: Frame) -> None:
+        return None
+
+    def finished(self) -> bool:
+        return False
+
+
+def with_attributes(**attributes: Any) -> Any:
+    cut = Counter()
+    vars(cut).update(attributes)
+    return cut
+
+
 @pytest.mark.parametrize(
     ("cut", "words"),
     [
+        (with_attributes(report=[1, 2]), "a mapping of names to values or None, not a list"),
+        (with_attributes(report=lambda: {}), "not a function: use an attribute"),
+        (AlwaysFinished(), "`finished` of the CUT is a method"),
         (lambda f: 1 / 0, "the CUT failed: ZeroDivisionError"),
         (lambda f: (1, 2, 3), "a Desired or None, not tuple"),
         (lambda f: Desired(p_W=(0, 0, math.nan)), "finite"),

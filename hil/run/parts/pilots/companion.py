@@ -26,6 +26,7 @@ from signals.detections import Detections
 # Simulated time without a new desired state after which the vehicle holds its position; the longer of the two counts.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
 _ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT)
+_IN_THE_AIR = (Phase.ARMING, Phase.FLYING, Phase.LANDING)
 _MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 
@@ -37,6 +38,7 @@ class CompanionPart(Part):
         self._bench = bench
         self._pilot: OffboardPilot | None = None
         self._outcomes: dict[str, str] = {}  # by client, as last reported
+        self._out_of_time = False
         self.link: CompanionLink | None = None
 
     def open(self, run: RunContext) -> None:
@@ -75,7 +77,9 @@ class CompanionPart(Part):
     def ended(self) -> bool:
         return self._pilot is not None and self._pilot.phase.value == "done" and not is_falling(self._run)
 
-    def conclude(self, run: RunContext) -> None:  # noqa: ARG002
+    def conclude(self, run: RunContext) -> None:
+        config = run.bench.config
+        self._out_of_time = run.ticks >= round(config.duration_s * config.tick_hz)
         if self.link is not None:
             self.link.conclude()
 
@@ -87,15 +91,27 @@ class CompanionPart(Part):
         record_texts(run.recorder, self.texts())
 
     def verdict(self) -> Verdict:
-        """Return FAIL for a flight without its companions: one was lost for good, or the one in control never flew."""
+        """Return FAIL for a flight without its companions: one was lost for good, or the one in control never flew.
+
+        So does one that never landed, where no mission says where the flight ends and no goal judges its end.
+        """
         config = self._bench.config
         if self.link is None:
             return Verdict()
-        reasons = self.link.missing() if config.companion.on_loss == "error" else []
+        missing = self.link.missing()
+        reasons = [*missing] if config.companion.on_loss == "error" else []
         pilot = self._pilot
-        if pilot is not None and pilot.phase in _ON_THE_GROUND and config.goal is None:
+        if pilot is None or config.goal is not None:
+            return Verdict(reasons=reasons)
+        if pilot.phase in _ON_THE_GROUND:
             why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
             reasons.append(f"no companion in control ever flew: the flight ended in the phase {pilot.phase.value}{why}")
+        # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
+        elif self._out_of_time and pilot.phase in _IN_THE_AIR and config.mission is None and not missing:
+            reasons.append(
+                f"the companion in control never landed: the flight ended at duration_s ({config.duration_s:g} s) in "
+                f"the phase {pilot.phase.value}; let it command `land` or say `finished`, or raise duration_s"
+            )
         return Verdict(reasons=reasons)
 
     def run_keys(self) -> dict[str, Any]:

@@ -54,6 +54,9 @@ def unpack(data: Any) -> Header:
 
 def checked_report(report: Mapping[str, Any]) -> dict[str, Any]:
     """Return a CUT's report, a small flat map, with plain values. Raises CutError for what the bench would refuse."""
+    if not isinstance(report, Mapping):
+        kind = type(report).__name__
+        raise CutError(f"the report of a CUT is a mapping of names to values or None, not a {kind}: use an attribute")
     if len(report) > MAX_REPORT_ENTRIES:
         raise CutError(f"a report of {len(report)} entries; the bench takes at most {MAX_REPORT_ENTRIES}")
     checked: dict[str, Any] = {}
