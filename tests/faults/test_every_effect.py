@@ -569,7 +569,7 @@ def test_a_misspelt_parameter_of_a_script_is_told_before_take_off(tmp_path: Path
     )
 
 
-def test_faults_that_the_flight_did_not_meet_are_warned_of(tmp_path: Path) -> None:
+def test_a_flight_that_did_not_meet_its_faults_fails(tmp_path: Path) -> None:
     faults = {
         "rotors": [rotor_entry("stuck", 5.0)],
         "sensors": [
@@ -582,7 +582,7 @@ def test_faults_that_the_flight_did_not_meet_are_warned_of(tmp_path: Path) -> No
     spare = {"spare": {"kind": "gps", "preset": "here_plus", "rate_hz": 5, "autopilot": False}}
     settings = {"autopilot": {"transport": "loopback"}, "duration_s": 3.0, "faults": faults}
     bench = load(tmp_path, "mock", sensors=bench_of("mock")["sensors"] | spare, **settings)
-    told = [row["text"] for row in fly(bench, tmp_path / "out").run["warnings"]]
+    told = fly(bench, tmp_path / "out").run["verdict"]["reasons"]
     assert [text for text in told if text.startswith("fault of")] == [
         "fault of rotor 0: stuck at 5 s never began: the flight ended at 3 s",
         "fault of spare: dropout at 1 s had no effect: it was not sampled: nothing reads it",

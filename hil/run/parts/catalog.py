@@ -63,7 +63,6 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("simulated.vibration", lambda bench: bench.config.vibration != "off"),
     ("simulated.gnss", _sees_sky),
     ("links.faults", _always),
-    ("simulated.unmet_faults", _has_faults),
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
@@ -86,6 +85,7 @@ _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.script", lambda bench: bench.script is not None),
     ("pilots.manual", lambda bench: bench.config.manual.device is not None),
     ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
+    ("simulated.unmet_faults", _has_faults),  # last: what the flight missed is told before what it did not meet
 )
 _LINKS: tuple[tuple[str, Condition], ...] = (
     (

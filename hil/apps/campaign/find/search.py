@@ -111,9 +111,10 @@ class Search:
 def objective(outcome: Outcome) -> float | None:
     """Return the number that a search makes as small as possible; None: the flight says nothing about the vehicle.
 
-    It is the smallest margin. A FAIL whose margins do not tell it, such as a crash, is below every margin.
+    It is the smallest margin. A FAIL whose margins do not tell it, such as a crash, is below every margin; one for no
+    other reason than a fault that did not come says nothing.
     """
-    if outcome.status == "ERROR":
+    if outcome.status == "ERROR" or (outcome.reasons and set(outcome.reasons) <= set(outcome.unmet)):
         return None
     worst = outcome.worst
     margin = None if worst is None else worst.margin

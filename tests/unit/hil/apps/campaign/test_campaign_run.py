@@ -78,7 +78,7 @@ def test_one_table_for_any_number_of_workers_and_nothing_flown_twice(spec: Path,
 
 
 def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
-    """The mission takes some 40 s: the gust at 300 s never comes, so the PASS says nothing about it."""
+    """The mission takes some 40 s: the gust at 300 s never comes, so that case says nothing about it."""
     spec.write_text(
         SPEC.replace(
             "duration_s: [60, 8], seed: [1]", "wind.gusts: [[], [{at_s: 300, velocity_W_mps: [3, 0, 0], rise_s: 1}]]"
@@ -87,7 +87,7 @@ def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
         .replace("recheck: 1.0", "recheck: 0.0")
     )
     said = io.StringIO()
-    assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
+    assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 1
     assert "warning: 1 case without what was declared, such as " in said.getvalue()
     assert "gust at 300 s never began: the flight ended at" in said.getvalue()
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,9 @@ def test_objective() -> None:
     assert objective(outcome("FAIL", 0.5)) == objective(outcome("FAIL")) == float("-inf")
     assert objective(outcome("PASS")) == 1.0
     assert objective(outcome("ERROR")) is None
+    late = replace(outcome("FAIL", 0.5), reasons=("the gust never began",), unmet=("the gust never began",))
+    assert objective(late) is None
+    assert objective(replace(late, reasons=("crashed", *late.reasons))) == float("-inf")
 
 
 @needs_optuna
