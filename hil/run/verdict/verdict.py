@@ -7,9 +7,10 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
                    the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
                    least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
-                   corner. The vehicle must have flown there, though: a margin above `REACH_MARGIN_M` is at most half of
-                   the longer of the legs that meet at the waypoint, one above `UNJUDGED_M` reaches no further than half
-                   of its own leg, and a height above it no lower than half of the waypoint's height.
+                   corner. The vehicle must have flown there, though: with a margin above `REACH_MARGIN_M` radius and
+                   margin together reach no further than half of the longer of the legs that meet at the waypoint (the
+                   middle of a square is farther from its corners), one above `UNJUDGED_M` no further than half of its
+                   own leg, and a height above it, or without a limit, no lower than half of the waypoint's height.
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
@@ -124,7 +125,8 @@ class FlightMeasurement:
         self._fly_legs = waypoint_legs(legs)
         self._reaches_m = _reaches_m(self._fly_legs, margin_m)
         home_up_m = legs[0].start_W[2] if legs else 0.0
-        self._heights_m = [min(height_m, max(UNJUDGED_M, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
+        least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
+        self._heights_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
         self._settle_m = _settle_distances_m(self._fly_legs)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -327,8 +329,9 @@ def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
     reaches_m: list[float] = []
     for i, leg in enumerate(fly):
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
-        near_m = leg.acceptance_radius_m + min(margin_m, max(REACH_MARGIN_M, 0.5 * longer_m))
-        reaches_m.append(min(near_m, max(leg.acceptance_radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
+        radius_m = leg.acceptance_radius_m
+        near_m = max(radius_m + REACH_MARGIN_M, min(radius_m + margin_m, 0.5 * longer_m))
+        reaches_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
     return reaches_m
 
 

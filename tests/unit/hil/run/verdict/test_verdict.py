@@ -149,13 +149,24 @@ def square(side_m: float, height: float = 3.2) -> list[Leg]:
 
 
 @pytest.mark.parametrize("limit_m", [6.0, 10.0, 11.0, 900.0, None])
-def test_a_hover_flies_no_square_of_four_metres_whatever_the_limit(limit_m: float | None) -> None:
-    """It was reached 4 of 4."""
+@pytest.mark.parametrize(("side_m", "at_m"), [(4.0, 0.0), (6.0, 3.0), (9.0, 4.5)])
+def test_a_hover_flies_no_small_square_whatever_the_limit(side_m: float, at_m: float, limit_m: float | None) -> None:
+    """It was reached 4 of 4, from the first corner or from the middle."""
     limits = Limits(max_cross_track_m=limit_m)
-    hover = [HOME, (0.0, 0.0, 3.2), HOME]
-    assert flown(square(4.0), hover, limits=limits).reached <= 1
-    assert judge(flown(square(4.0), hover, limits=limits), limits).status == "FAIL"
-    assert flown(square(4.0), tour([(4, 0), (4, 4), (0, 4)], 3.2), limits=limits).reached == 4
+    hover = [HOME, (at_m, at_m, 3.2), (at_m, at_m, 0.2)]
+    assert flown(square(side_m), hover, limits=limits).reached <= 1
+    assert judge(flown(square(side_m), hover, limits=limits), limits).status == "FAIL"
+    corners = [(side_m, 0.0), (side_m, side_m), (0.0, side_m)]
+    assert flown(square(side_m), tour(corners, 3.2), limits=limits).reached == 4
+
+
+@pytest.mark.parametrize(("height", "flown_at_m", "reached"), [(10.2, 4.0, 0), (10.2, 6.0, 5), (3.2, 0.9, 0)])
+def test_without_a_limit_of_height_half_of_it_is_flown(height: float, flown_at_m: float, reached: int) -> None:
+    """A flight at 4 m instead of 10 m passed, and one at 0.7 m over ground instead of 3 m."""
+    low = tour(CORNERS, flown_at_m)
+    limits = Limits(altitude_error_m=None)
+    assert flown(rectangle(height), low, limits=limits).reached == reached
+    assert judge(flown(rectangle(height), low, limits=limits), limits).status == ("PASS" if reached else "FAIL")
 
 
 def test_short_legs_between_long_ones_are_judged_by_the_long_ones() -> None:
