@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil.config.missions.item_values import wrong_values
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
@@ -189,6 +190,8 @@ def _item_problems(raw: RawItem, count: int, site: Geopoint | None, far: list[Pr
             report(index, f"has a value that is not finite: param {index + 1} = {value}")
     if problems:
         return problems
+    for index, message, hint in wrong_values(raw.command, raw.params):
+        report(index, message, hint)
     if raw.command == JUMP:
         target = raw.params[0]
         if not (target == target and target == int(target) and 0 <= target < count):

@@ -40,6 +40,11 @@ def at(latitude: Any = 47.3978, longitude: Any = 8.5456, altitude: Any = 10, com
     return item(command, params=[0, 0, 0, None, latitude, longitude, altitude])
 
 
+def numbers(command: int, *, p1: float = 0, p2: float = 0, p3: float = 0, frame: int = 3) -> dict[str, Any]:
+    place = [47.3978, 8.5456, 10] if frame == 3 else [0, 0, 0]
+    return item(command, frame=frame, params=[p1, p2, p3, None, *place])
+
+
 def plan(*items: Any, **mission: Any) -> str:
     """A plan with every item on a line of its own: item n (from 1) is line n + 2."""
     head = '{"fileType": "Plan", "version": 1, "groundStation": "QGroundControl",\n'
@@ -106,6 +111,12 @@ def test_a_fence_and_rally_points_that_nobody_gets_are_told() -> None:
     assert load_mission(MISSIONS / "rectangle.plan", site=SITE).notes == ()
 
 
+@pytest.mark.parametrize("speed", [-2, -1, 0, 5, None])
+def test_speeds_that_are_words_or_open_are_taken(speed: float | None) -> None:
+    change = item(178, frame=2, params=[1, speed, -1, 0, 0, 0, 0])
+    assert len(load(plan(at(), change, numbers(18, p1=1, p3=-80))).items) == 3
+
+
 def test_unknown_commands_are_left_to_the_autopilot() -> None:
     assert load(plan(at(), item(31010, frame=2, params=[0] * 7))).items[1].command == 31010
 
@@ -136,6 +147,18 @@ def test_unknown_commands_are_left_to_the_autopilot() -> None:
         (plan(at(), at(48.5), at(48.6), at(48.7)),
          "m.plan:4: item 2 (waypoint) is 123 km from the scene's site at 47.39774, 8.54559; at most 100 km are accepted"
          ", and so are 2 items more (name the mission of this place with --mission, or fly none: --set mission=null)"),
+        (plan(at(), numbers(16, p1=-5)), "m.plan:4: item 2 waits -5 s (give 0 s or more)"),
+        (plan(at(), numbers(16, p2=-5)),
+         "m.plan:4: item 2 has the acceptance radius -5 m (give more than 0 m, or 0 for the autopilot's own)"),
+        (plan(at(), numbers(18, p1=-1)),
+         "m.plan:4: item 2 makes -1 turns (give 0 or more; a negative radius turns counter-clockwise)"),
+        (plan(at(), numbers(18, p1=1, p3=-1e9)),
+         "m.plan:4: item 2 has the loiter radius -1e+09 m (give at most 10000 m)"),
+        (plan(at(), numbers(31, p2=1e9)), "m.plan:4: item 2 has the loiter radius 1e+09 m (give at most 10000 m)"),
+        (plan(at(), numbers(178, p2=-5, frame=2)),
+         "m.plan:4: item 2 changes the speed to -5 m/s (give 0 to 340 m/s, or -1 to leave it as it is)"),
+        (plan(at(), numbers(178, p2=1e6, frame=2)),
+         "m.plan:4: item 2 changes the speed to 1e+06 m/s (give 0 to 340 m/s, or -1 to leave it as it is)"),
         (plan(at(), item(frame=1)),
          "m.plan:4: item 2 has the coordinate frame 1, which missions do not use"
          " (known: 0 above sea level, 3 above home, 10 above terrain, 2 no position)"),
@@ -244,7 +267,8 @@ def test_a_first_waypoint_above_sea_level_is_home_and_jumps_move_with_it() -> No
 
 FINITE = st.floats(-1e6, 1e6, allow_nan=False)
 PLACE = st.tuples(st.integers(-2000, 2000), st.integers(-2000, 2000), st.floats(0, 500))
-ITEMS = st.lists(st.tuples(st.tuples(FINITE, FINITE, FINITE, FINITE), PLACE), min_size=1, max_size=8)
+POSITIVE = st.floats(0, 1e6)  # times and acceptance radii
+ITEMS = st.lists(st.tuples(st.tuples(POSITIVE, POSITIVE, FINITE, FINITE), PLACE), min_size=1, max_size=8)
 
 
 @given(ITEMS)
