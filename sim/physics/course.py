@@ -49,7 +49,7 @@ def obstacles(scene: Scene, vehicle: Vehicle, courses: Iterable[tuple[Vec3, Vec3
         q_WB = vehicle.standing_quat(math.atan2(end_W[1] - start_W[1], end_W[0] - start_W[0]))
         for after_m, p_W in _places(start_W, end_W, 0.5 * vehicle.bounding_radius_m):
             data.qpos[:] = (*p_W, *q_WB)
-            geom = _touched(model, data, body)
+            geom = touched(model, data, body)
             if geom >= 0:
                 ground = int(model.geom_type[geom]) in _GROUND
                 yield Obstacle(course, solid_name(world, model, geom), p_W, after_m, ground)
@@ -67,7 +67,7 @@ def _places(start_W: Vec3, end_W: Vec3, step_m: float) -> Iterator[tuple[float, 
         yield share * length_m, (float(x), float(y), float(z))
 
 
-def _touched(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> int:
+def touched(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> int:
     """Return a geom of the scene, not of what moves in it, that the vehicle touches as it is posed; -1: none."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)

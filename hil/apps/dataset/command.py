@@ -33,7 +33,9 @@ def run_dataset(
     engine: str = "local",
     address: str | None = None,
 ) -> DatasetResult:
-    """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder. Raises HilError.
+    """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder.
+
+    Raises HilError; ConfigError, with the data set complete, for a sensor whose samples all show nothing.
 
     `plan_in` makes the plan; it may write files into the folder that it is given. `address` is that of a Ray cluster.
     """
@@ -64,7 +66,11 @@ def run_dataset(
     console.print(text)
     if result.objects == 0:
         console.print(NO_OBJECTS)
+    for warning in result.warnings:
+        console.print(f"warning: {warning}", markup=False)
     console.print(f"data set  {out}/  (index.html, dataset.json)", markup=False)
+    if result.problems:
+        raise ConfigError(list(result.problems))
     return result
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,12 @@ import numpy as np
 
 from hil.apps.dataset.batch_maker import BatchMakerFactory
 from hil.apps.dataset.engines.jobs import Workers
+from hil.apps.dataset.enclosed_sensors import EnclosedSensors
 from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.finish import finish
-from hil.apps.dataset.flight import fly_for_frames
+from hil.apps.dataset.flight import FlightData, fly_for_frames
 from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.pipeline import Pipeline
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.layout import sensor_files
@@ -34,6 +36,7 @@ from hil.apps.dataset.storage.tables import Checkpoints
 from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
 from hil.run.runs.progress import CountProgress, minutes
 from signals.classes import Classes
+from signals.errors import Problem
 from signals.processors import usable_processors
 from signals.words import counted
 
@@ -62,7 +65,10 @@ class FrameProgress(CountProgress):
 
 @dataclass(frozen=True)
 class DatasetResult:
-    """Outcome of `make_dataset`. `steady_frames_per_s` is measured from the first finished batch to the last."""
+    """Outcome of `make_dataset`. `steady_frames_per_s` is measured from the first finished batch to the last.
+
+    `warnings` and `problems` tell of sensors whose samples show nothing, some or all of them.
+    """
 
     out: Path
     frames: int
@@ -70,6 +76,8 @@ class DatasetResult:
     steady_frames_per_s: float
     wall_s: float
     objects: int | None  # labelled in its pictures; None: it has no labelled pictures
+    warnings: Sequence[str] = ()
+    problems: Sequence[Problem] = ()
 
 
 @dataclass(frozen=True)
@@ -140,9 +148,14 @@ class _DatasetMaker:
             times.append((time.monotonic(), frames))
             progress.show(frames)
 
-        pipeline = Pipeline(store, workers, on_done=on_done)
+        pipeline, enclosed = Pipeline(store, workers, on_done=on_done), EnclosedSensors(plan)
+
+        def on_batch(batch: Batch, data: FlightData) -> None:
+            enclosed.add(batch)
+            pipeline.add(batch, data)
+
         try:
-            fly_for_frames(plan, pipeline.add)
+            fly_for_frames(plan, on_batch)
             pipeline.finish()
             catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
             finish(plan, store, pipeline.records, catalogue=catalogue, files=files, made_from=self.made_from)
@@ -157,4 +170,5 @@ class _DatasetMaker:
         labelled = sum(sum(counts.values()) for record in pipeline.records for counts in record.objects)
         objects = None if plan.labelled is None else labelled
         wall_s = time.monotonic() - self.began_s
-        return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects)
+        told = enclosed.warnings(), enclosed.problems()
+        return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects, *told)
