@@ -44,7 +44,7 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         assert shape is not None
         self._shape: tuple[int, ...] = shape
         self._name = self.batch.name
-        self._runs = False
+        self._runs = self._over = False
         self._is_array = not isinstance(self.observation_space, gymnasium.spaces.Dict)
 
     @property
@@ -62,16 +62,22 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         self._runs = False
         super().reset(seed=seed)
         self.batch.reset(0, self.np_random, options)
-        self._runs = True
+        self._runs, self._over = True, False
         observation = self._one(self.batch.task.observe())
         self._show()
         return observation, self.batch.first_info(0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Fly an action for a step. Raises ValueError for a wrong action, RuntimeError before the first reset."""
+        """Fly an action for a step.
+
+        Raises ValueError for a wrong action, RuntimeError before the first reset and after the end of an episode.
+        """
         if not self._runs:
             raise RuntimeError(f"{self._name}: call reset() before step(), and after the end of an episode")
+        if self._over:
+            raise RuntimeError(f"{self._name}: the episode has ended (terminated or truncated): call reset()")
         observation, reward, ends, late = self.batch.step_alone(checked(action, self._shape, self._name))
+        self._over = ends or late
         self._show()
         return self._one(observation), reward, ends, late, self.batch.info(0)
 

@@ -89,7 +89,8 @@ def test_positions_reach_the_target_and_that_is_success() -> None:
 def test_motors_held_for_a_step_have_the_bits_of_a_pilot_at_every_tick() -> None:
     env = gymnasium.make("hil/Hover-v0", action="motors")
     env.reset(seed=2)
-    flight = env.unwrapped.batch.flights[0]  # type: ignore[attr-defined]
+    batch = env.unwrapped.batch  # type: ignore[attr-defined]
+    flight = batch.flights[0]
     bench, start = flight.bench, flight.truth
     world = SteppedWorld(bench.scene, bench.config.tick_ns, wind=bench.config.wind)
     twin = world.add("twin", bench.vehicle)
@@ -97,7 +98,7 @@ def test_motors_held_for_a_step_have_the_bits_of_a_pilot_at_every_tick() -> None
     random, contacts = np.random.default_rng(1), 0
     for _ in range(150):
         action = random.uniform(-0.8, 0.1, 4)
-        env.step(action)
+        batch.step_alone(action.tolist())  # also after the end of the episode
         commands = tuple(0.5 * (value + 1.0) for value in action.tolist())
         twin.pilot = lambda _truth, commands=commands: commands
         for _ in range(5):
@@ -273,6 +274,18 @@ def test_resets_refuse_unknown_options_and_maps_without_a_seed() -> None:
         env.reset(options={"map_seed": np.array([1, 2])})
     with pytest.raises(ValueError, match="must be a dictionary, not 'map_seed'"):
         env.reset(options="map_seed")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("options", [{"episode_s": 0.04}, {"action": "motors"}])
+def test_stepping_after_the_end_of_an_episode_says_so(options: dict[str, Any]) -> None:
+    """It flew on, and an agent learned from what no episode has: one is truncated, in the other the rotors stop."""
+    env: Any = gymnasium.make("hil/Hover-v0", **options)
+    for seed in (1, 2):
+        env.reset(seed=seed)
+        while not any(env.step(np.full(4, -1.0))[2:4]):
+            pass
+        with pytest.raises(RuntimeError, match=r"the episode has ended \(terminated or truncated\): call reset\(\)"):
+            env.step(np.full(4, -1.0))
 
 
 def test_stepping_before_the_first_reset_says_so() -> None:
