@@ -60,6 +60,7 @@ class Rig:
     allowed: frozenset[str] = frozenset()
     report: bool = False
     runs: list[Run] = field(default_factory=list)
+    reported: int = 0  # runs in the JUnit file
 
     def __repr__(self) -> str:
         return f"<Rig {self.name}, {len(self.runs)} runs>"
@@ -104,10 +105,10 @@ class Rig:
             raise BenchError(run)
         return run
 
-    def findings(self) -> list[str]:
-        """Return one line per flight and item of `HEALTH` that the test does not allow."""
+    def findings(self, since: int = 0) -> list[str]:
+        """Return one line per flight, from number `since` on (0: the first), and item of `HEALTH` not allowed."""
         lines = []
-        for number, run in enumerate(self.runs, start=1):
+        for number, run in enumerate(self.runs[since:], start=since + 1):
             prefix = f"run {number}: " if len(self.runs) > 1 else ""
             # A lost vehicle may fail in a group that passes, so the verdict is the group's.
             verdict = verdict_health(run)
@@ -169,13 +170,27 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights of a passed test: here and not at teardown, where a fault would count as an error."""
     outcome = yield
-    rig = item.stash.get(_RIG, None)
-    if rig is not None:
-        findings = rig.findings()
-        if findings:
-            lines = "\n".join(f"  {line}" for line in findings)
-            pytest.fail(f"the flight was not clean:\n{lines}\n{_ACCEPT}", pytrace=False)
+    _check_flights(item, since=0)
     return outcome
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Check the flights that fixtures make after the test, which it cannot have judged."""
+    rig = item.stash.get(_RIG, None)
+    before = 0 if rig is None else len(rig.runs)
+    outcome = yield
+    _check_flights(item, since=before)
+    return outcome
+
+
+def _check_flights(item: pytest.Item, *, since: int) -> None:
+    """Fail the test if one of its flights from number `since` on was not clean."""
+    rig = item.stash.get(_RIG, None)
+    findings = [] if rig is None else rig.findings(since)
+    if findings:
+        lines = "\n".join(f"  {line}" for line in findings)
+        pytest.fail(f"the flight was not clean:\n{lines}\n{_ACCEPT}", pytrace=False)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -184,8 +199,9 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Report the runs' folders, add the runs to JUnit, and remove the runs of passed tests."""
     rig = item.stash.get(_RIG, None)
-    if rig is not None and call.when == "call":
-        item.user_properties += _properties(rig.runs)
+    if rig is not None and call.when != "setup":
+        item.user_properties += _properties(rig.runs, since=rig.reported)
+        rig.reported = len(rig.runs)
     report = yield
     if rig is None:
         return report
@@ -200,10 +216,10 @@ def pytest_runtest_makereport(
     return report
 
 
-def _properties(runs: Sequence[Run]) -> list[tuple[str, object]]:
-    """Return JUnit properties that identify each flight; names are numbered from the second flight on."""
+def _properties(runs: Sequence[Run], *, since: int) -> list[tuple[str, object]]:
+    """Return JUnit properties that identify the flights from number `since` on; names count from the second flight."""
     properties: list[tuple[str, object]] = []
-    for number, run in enumerate(runs, start=1):
+    for number, run in enumerate(runs[since:], start=since + 1):
         values = {
             "digest": run.digest,
             "rig": run.json["rig"],

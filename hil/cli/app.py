@@ -59,13 +59,15 @@ app.add_typer(campaign.campaign_app, name="campaign")
 app.add_typer(vehicle.vehicle_app, name="vehicle")
 
 _EMPTY = re.compile(r"\s*|--[a-z-]+=\s*")
+_WRITTEN = ("--out", "--json")  # options that name what is written
+_MOST_BYTES = 255  # of a file's name, on every file system of Linux
 
 # The base class of all usage errors; it has no public name in typer.
 _ClickError: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 
 
 def _refusal(arguments: Sequence[str]) -> str:
-    """Return what is wrong with arguments that no command can use: empty ones, and text that is not UTF-8."""
+    """Return what is wrong with arguments that no command can use: empty, not UTF-8, or too long for a file's name."""
     for before, argument in zip(("", *arguments), arguments, strict=False):
         try:
             argument.encode()
@@ -75,6 +77,12 @@ def _refusal(arguments: Sequence[str]) -> str:
         if _EMPTY.fullmatch(argument):
             option = argument.rstrip("=") or (before if before.startswith("-") else "an argument")
             return f"{option} is empty; give it a value or leave it out"
+        option, _, path = argument.partition("=") if argument.startswith("-") else (before, "", argument)
+        names_file = option in _WRITTEN or not option.startswith("-")
+        longest = max(len(name.encode()) for name in path.split(os.sep)) if names_file else 0
+        if longest > _MOST_BYTES:
+            what = option if option.startswith("-") else "an argument"
+            return f"{what} has a name of {longest} bytes; a file system takes {_MOST_BYTES}: choose a shorter one"
     return ""
 
 

@@ -84,7 +84,8 @@ class Simulator:
         start = np.concatenate([truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps])
         flown, rates = [], []
         for action in actions:
-            env.step(action)  # goes on beyond the end of the episode, where the vehicle is upside down
+            # Not `step`: it goes on beyond the end of the episode, where the vehicle is upside down.
+            env.batch.step_alone(np.clip(action, -1.0, 1.0).tolist())
             flown.append(env.truth.p_WB)
             rates.append(float(np.linalg.norm(env.truth.w_WB_B)))
         ticks = round(self.decision_s * _TICK_HZ)

@@ -181,6 +181,28 @@ def test_a_verdict_that_the_test_does_not_read_fails_it(project: pytest.Pytester
     )
 
 
+def test_a_flight_in_the_teardown_of_a_fixture_is_checked(project: pytest.Pytester) -> None:
+    """It was a FAIL that nobody read, and the test passed; its files were removed."""
+    test = """
+    @pytest.fixture
+    def afterwards(rig, mission):
+        yield
+        run = rig.fly(mission("square.waypoints"))
+        READ
+
+    def test_before(rig, mission, afterwards):
+        assert not rig.fly(mission("square.waypoints")).passed
+    """
+    result = fly(project, dedent(test).replace("READ", "pass"), "--junitxml=junit.xml")
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["*the flight was not clean:*", "*run 2: fail: 1*", "*reached 0 of 5 waypoints*"])
+    assert kept(project) == ["run-1", "run-2"]
+    names = [p.get("name") for p in ET.parse(project.path / "junit.xml").getroot().iter("property")]
+    assert [name for name in names if str(name).startswith("hil_digest")] == ["hil_digest", "hil_digest_2"]
+    fly(project, dedent(test).replace("READ", "assert not run.passed")).assert_outcomes(passed=1)
+    assert kept(project) == []
+
+
 def test_a_crash_that_the_test_does_not_look_at_fails_it(project: pytest.Pytester) -> None:
     test = """
     def fall(rig):
