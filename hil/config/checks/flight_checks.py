@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from firmware_bridge.autopilots.installation import FixedWing
 from firmware_bridge.autopilots.px4.wing_parameters import LAUNCH_MPS2, ROTATION
 from hil.config.checks.short_legs import short_legs
+from hil.config.checks.still_checks import still_problems
 from hil.config.checks.vtol_checks import VTOL_WORDS, vtol_mission_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
@@ -42,7 +43,9 @@ def flight_problems(
     if is_vtol(vehicle):
         return [] if mission is None else vtol_mission_problems(config, vehicle, mission, scene)
     if not is_plane(vehicle):
-        return [] if mission is None else _copter_problems(config, vehicle, mission)
+        if mission is None:
+            return []
+        return _copter_problems(config, vehicle, mission) or still_problems(config, mission, scene)
     if mission is None:
         return []
     facts = fixed_wing_facts(vehicle, scene.site)

@@ -134,6 +134,8 @@ def load_campaign(path: Path) -> CampaignFile:
     """Read the file of a campaign, or the shipped one of this name. Raises ConfigError with every problem found."""
     path = _found(path)
     spec, document = load_model(path, CampaignSpec)
+    if not document.data:  # such as a file whose writing was cut off
+        raise ConfigError([at(document, (), "is empty", "write at least `bench: FILE`")])
     return CampaignFile(spec, path, document)
 
 

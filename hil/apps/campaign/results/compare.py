@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hil.apps.campaign.results.groups import value_text
-from hil.apps.campaign.results.statistics import Z_95, Tally
+from hil.apps.campaign.results.statistics import STATUSES, Z_95, Tally
 from hil.apps.campaign.results.tables import LINES_NAME, SUMMARY_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 
@@ -223,10 +223,14 @@ def _cases(folder: Path) -> Iterator[Flown]:
             for line in file:
                 number += 1
                 data = json.loads(line)
+                if data["status"] not in STATUSES:
+                    raise ValueError(f"the status {data['status']!r} is none of {', '.join(STATUSES)}")
                 limits = {row["name"]: row["margin"] for row in data["limits"] if row["margin"] is not None}
                 yield Flown(data["case"], data["status"], data["axes"], limits, tuple(data["set"]))
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise RecordingError(f"{path}:{number}: damaged: {error}. hil campaign FILE --resume writes it anew") from error
+    if not number:
+        raise ConfigError([Problem(str(path), "holds no case", "hil campaign FILE --resume writes it anew")])
 
 
 def _summary(folder: Path) -> dict[str, Any]:

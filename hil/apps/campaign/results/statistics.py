@@ -27,6 +27,9 @@ def wilson(passed: int, trials: int) -> tuple[float, float, float]:
     return (centre - half if passed else 0.0), p, (centre + half if passed < trials else 1.0)
 
 
+STATUSES = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "FLAKE": "flakes"}  # with their counts in a Tally
+
+
 @dataclass
 class Tally:
     """Counts of the outcomes of a set of cases."""
@@ -38,7 +41,7 @@ class Tally:
 
     def add(self, status: str) -> None:
         """Count one case."""
-        name = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "FLAKE": "flakes"}[status]
+        name = STATUSES[status]
         setattr(self, name, getattr(self, name) + 1)
 
     @property

@@ -44,4 +44,5 @@ def test_limits_that_do_not_judge_the_vehicle_are_named(file: Path, setting: str
 def test_a_run_warns_of_them(tmp_path: Path) -> None:
     bench = load_bench(QUAD, settings=("plane_limits.max_bank_deg=20", "duration_s=1", *NO_RECORD))
     run = run_bench(bench, tmp_path, quiet=True).run
-    assert [row["text"] for row in run["warnings"]] == limit_notes(bench)
+    (note,) = limit_notes(bench)
+    assert note in [row["text"] for row in run["warnings"]]

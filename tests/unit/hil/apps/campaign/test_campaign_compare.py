@@ -114,10 +114,13 @@ def test_folders_that_do_not_fit_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere/results.jsonl: does not exist \(give the folders"):
         compare_campaigns(a, tmp_path / "nowhere")
     lines = (a / "results.jsonl").read_text()
-    for damage in ("{", "7", '{"case": 1}', "\xff"):
+    for damage in ("{", "7", '{"case": 1}', "\xff", lines.splitlines()[0].replace("PASS", "GOOD")):
         (other / "results.jsonl").write_bytes((lines + damage).encode("latin-1"))
         with pytest.raises(RecordingError, match=r"results.jsonl:\d: damaged"):
             compare_campaigns(a, other)
+    (other / "results.jsonl").write_text("")
+    with pytest.raises(ConfigError, match=r"other/results.jsonl: holds no case"):
+        compare_campaigns(a, other)
 
 
 def test_the_command_exits_with_1_if_a_case_became_worse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,5 +134,8 @@ def test_the_command_exits_with_1_if_a_case_became_worse(tmp_path: Path, capsys:
     assert "and 11 more" in printed
     data = json.loads(out.read_text())
     assert (data["pairs"], len(data["worse"]), len(data["better"]), data["exit_status"]) == (33, 31, 1, 1)
-    assert run_command_line(["campaign", "compare", str(a), str(a)]) == 0
+    again = campaign(tmp_path / "again", seeds("PPF" + "P" * 30))
+    assert run_command_line(["campaign", "compare", str(a), str(again)]) == 0
+    assert run_command_line(["campaign", "compare", str(a), f"{a}/../a"]) == 2
+    assert "is named twice: no case can be worse than itself" in capsys.readouterr().err
     assert run_command_line(["campaign", "compare", str(a), str(tmp_path / "none")]) == 2

@@ -29,6 +29,13 @@ def plan_of(tmp_path: Path, text: str) -> Plan:
     return Plan(load_campaign(path))
 
 
+@pytest.mark.parametrize("text", ["", "# axes: {seed: [1]}\n"])
+def test_an_empty_file_is_no_campaign(text: str, tmp_path: Path) -> None:
+    """It flew one bench of defaults, without a mission, and passed."""
+    with pytest.raises(ConfigError, match=r"study.yaml:1: is empty \(write at least `bench: FILE`\)"):
+        plan_of(tmp_path, text)
+
+
 def test_every_combination_is_a_point_and_samples_are_shared_by_all(tmp_path: Path) -> None:
     plan = plan_of(
         tmp_path,
