@@ -56,7 +56,7 @@ class EnclosedSensors:
         return [
             Problem(
                 f"sensors.{name}.mount_m",
-                f"puts the sensor inside {what} in all of its {counted(self._samples[name], 'sample')}: the data set shows "
+                f"puts the sensor inside {what} in all of its {counted(self._samples[name], 'sample')}: they show "
                 "nothing of the scene",
                 "correct mount_m ([m], forward, left, up), or fly higher",
             )

@@ -12,8 +12,8 @@ from typing import Any, TextIO
 import numpy as np
 
 from hil.apps.dataset.batch_maker import BatchMakerFactory
-from hil.apps.dataset.engines.jobs import Workers
 from hil.apps.dataset.enclosed_sensors import EnclosedSensors
+from hil.apps.dataset.engines.jobs import Workers
 from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.finish import finish
 from hil.apps.dataset.flight import FlightData, fly_for_frames

@@ -138,7 +138,7 @@ def with_attributes(**attributes: Any) -> Any:
     ("cut", "words"),
     [
         (with_attributes(report=[1, 2]), "a mapping of names to values or None, not a list"),
-        (with_attributes(report=lambda: {}), "not a function: use an attribute"),
+        (with_attributes(report=len), "not a builtin_function_or_method: use an attribute"),
         (AlwaysFinished(), "`finished` of the CUT is a method"),
         (lambda f: 1 / 0, "the CUT failed: ZeroDivisionError"),
         (lambda f: (1, 2, 3), "a Desired or None, not tuple"),
