@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from hil.apps.detect.pictures import Picture
 from hil.config.companion.clients import make_client_importable
@@ -25,6 +26,7 @@ from hil.apps.detect.average_precision import (  # noqa: E402
     evaluate_classes,
     match_detections,
 )
+from hil.apps.detect.command import _print_table  # noqa: E402
 from hil.apps.detect.evaluate import evaluation_of  # noqa: E402
 
 Box = tuple[float, float, float, float]
@@ -136,3 +138,12 @@ def test_against_pycocotools() -> None:
         theirs = evaluation.eval["precision"][0, :, i, 0, -1]
         np.testing.assert_allclose(ours, theirs, atol=1e-9)
         assert j.average_precision == pytest.approx(theirs.mean(), abs=0.02)
+
+
+@pytest.mark.parametrize(("objects", "words"), [([("person", A)], "mAP@0.5 of all classes 0.000"), ([], "warning: no")])
+def test_pictures_without_objects_are_told_and_give_no_nan(objects: list[tuple[str, Box]], words: str) -> None:
+    said = io.StringIO()
+    result = evaluation_of(0.5, [picture(objects)], [[]], ["person"])
+    _print_table(result, Console(file=said, width=200), "test")
+    assert words in said.getvalue()
+    assert "nan" not in said.getvalue()
