@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.config.bench import Bench
 from hil.config.formation import formation_offsets
+from hil.config.group_schema import Group
 from hil.config.layers import SettingsPart, parse_setting
 from hil.config.loading import BenchLoading
 from hil.config.schema import VEHICLE_NAME, BenchConfig, Companion
@@ -204,6 +205,7 @@ def lone_vehicle_problems(bench: Bench, loading: BenchLoading) -> list[Problem]:
     given: list[tuple[Place, bool]] = [
         (("count",), config.count is not None),
         (("formation",), config.formation is not None),
+        (("group",), config.group != Group() and not config.name),
         (("autopilot", "on_loss"), config.autopilot.on_loss != "error" and not config.name),
     ]
     message = "has no meaning for one vehicle"

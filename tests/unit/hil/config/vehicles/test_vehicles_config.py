@@ -171,7 +171,9 @@ def test_problems_are_named_with_their_line(tmp_path, text, expected):
     assert expected in problems(tmp_path, text)
 
 
-@pytest.mark.parametrize("text", ["count: 3", "formation: {}", "autopilot: {on_loss: go_on}"])
+@pytest.mark.parametrize(
+    "text", ["count: 3", "formation: {}", "group: {min_distance_m: 3}", "autopilot: {on_loss: go_on}"]
+)
 def test_settings_for_several_vehicles_need_several(tmp_path, text):
     assert f"bench.yaml:3: {text.split(':')[0]}" in problems(tmp_path, text)
     assert "has no meaning for one vehicle" in problems(tmp_path, text)
