@@ -24,7 +24,8 @@ Condition = Callable[[Bench], bool]
 def _has_faults(bench: Bench) -> bool:
     config = bench.config
     gusts = () if config.wind is None else config.wind.gusts
-    return config.faults != Faults() or config.autopilot.faults != MockFaults() or bool(gusts)
+    waits = bench.script is not None and bool(bench.script.sensors_at_risk)
+    return config.faults != Faults() or config.autopilot.faults != MockFaults() or bool(gusts) or waits
 
 
 def _script_params(bench: Bench) -> bool:

@@ -26,6 +26,8 @@ class UnmetFaultsPart(Part):
         timed = [spec for spec in actions if spec.in_settings]  # merged into the bench's own
         self._judged_by_script = {spec.at_s for spec in timed}
         self._not_required = {spec.at_s for spec in timed if not spec.required}
+        waiting = [spec.fault for spec in actions if spec.fault and spec.required and not spec.in_settings]
+        self._at_events = {(fault.get("sensor"), fault.get("kind")) for fault in waiting}
         self._unmet: list[str] = []
         self._reasons: list[str] = []
 
@@ -50,14 +52,15 @@ class UnmetFaultsPart(Part):
             if fault.at_s < end_s:
                 what = "it was not sampled: nothing reads it" if fault in unread else "no sample fell into its time"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {what}"
-                tell(text, fails=self._is_required(fault, self._config.faults.sensors))
+                begun = (fault.sensor, fault.kind) in self._at_events
+                tell(text, fails=begun or self._is_required(fault, self._config.faults.sensors))
         for fault in run.part("faults").unmet:
             if fault.at_s < end_s:
                 text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed"
                 tell(text, fails=self._is_required(fault, self._config.faults.links))
 
     def _is_required(self, fault: SensorFault | LinkFault, declared: Sequence[SensorFault | LinkFault]) -> bool:
-        """Return True for a fault that the bench or its script declares, and not for one begun during the flight."""
+        """Return True for a fault that the bench declares, or its script at a time, and not for one begun by hand."""
         return fault in declared and fault.at_s not in self._not_required
 
     def verdict(self) -> Verdict:

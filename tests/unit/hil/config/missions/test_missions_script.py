@@ -291,6 +291,22 @@ def test_a_fault_at_a_time_that_never_comes_fails_unless_it_is_not_required() ->
     assert fly(HOP + land + f"  - {late}, required: false}}\n").status == "PASS"
 
 
+@pytest.mark.parametrize("required", [True, False])
+def test_a_fault_at_an_event_that_meets_no_sample_fails_unless_it_is_not_required(required: bool) -> None:
+    """It was silent: only faults at a time were looked after."""
+    fault = "fault: {sensor: gps, kind: dropout, for_s: 0.001}"
+    result = fly(
+        HOP
+        + f"  - {{after: takeoff, delay_s: 1.002, {fault}, required: {str(required).lower()}}}\n"
+        + "  - {after: takeoff, delay_s: 4, set_mode: LAND}\n"
+    )
+    texts = [*result.run["verdict"]["reasons"], *(row["text"] for row in result.run["warnings"])]
+    (text,) = [text for text in texts if "had no effect" in text]
+    assert text.startswith("fault of gps: dropout at ")
+    assert text.endswith(" s had no effect: no sample fell into its time")
+    assert result.status == ("FAIL" if required else "PASS")
+
+
 def tilt_deg(result: RunResult) -> float:
     values = {row["name"]: row["value"] for row in result.run["verdict"]["rows"]}
     return float(values["max_tilt_deg"])
