@@ -11,7 +11,7 @@ from hil.run.part import Part
 from hil.run.parts.catalog import parts_of, settled, shared_parts
 from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.recorder.recorder import Recorder
-from hil.run.report.run_folder import run_folder
+from hil.run.report.run_folder import remove_earlier, run_folder
 from hil.run.runs.fleet import Fleet, Place
 from hil.run.runs.tick_loop import VehicleFailed
 from hil.run.runs.vehicle_run import RunResult, VehicleRun
@@ -44,6 +44,8 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     """
     bench = settled(bench)
     with run_folder(out, bench.vehicles):
+        if not bench.config.follow.flies:  # whose log may be here
+            remove_earlier((out, *(out / name for name in bench.vehicles)))
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 

@@ -28,6 +28,7 @@ _SUFFIXES = (
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
 _RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one of a run
+_TAKEN_FOR_THIS = ("report.html", "run.mcap", "flight.tlog")  # of an earlier run, beside the run.json of another
 
 
 @contextlib.contextmanager
@@ -100,6 +101,14 @@ def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
             for file in _RESULTS:
                 with contextlib.suppress(OSError):
                     (out / name / file).unlink(missing_ok=True)
+
+
+def remove_earlier(folders: Iterable[Path]) -> None:
+    """Remove report and recordings of an earlier run, which this one may not write: they would pass for its own."""
+    for folder in folders:
+        for name in _TAKEN_FOR_THIS:
+            with contextlib.suppress(OSError):
+                (folder / name).unlink(missing_ok=True)
 
 
 def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:

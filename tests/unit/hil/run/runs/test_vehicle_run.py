@@ -52,6 +52,17 @@ def test_a_short_warning_is_not_swallowed_by_a_longer_text(tmp_path: Path) -> No
     assert [row["text"] for row in run["warnings"]] == ["GPS", "lost", NOTHING_FLIES]
 
 
+def test_report_and_recordings_of_an_earlier_run_do_not_pass_for_this_one_s(tmp_path: Path) -> None:
+    """They stayed beside the run.json of a run without them, and were opened, filmed and fitted as its own."""
+    out = tmp_path / "out"
+    whole = [*SHORT[:2], "duration_s=0.1"]
+    run_bench(load_bench(None, settings=whole), out, quiet=True)
+    written = {"run.json", "report.html", "run.mcap", "flight.tlog"}
+    assert written <= {path.name for path in out.iterdir()}
+    run_bench(load_bench(None, settings=[*SHORT, "duration_s=0.1"]), out, quiet=True)
+    assert written & {path.name for path in out.iterdir()} == {"run.json"}
+
+
 def test_the_problems_of_a_run_that_did_not_begin_are_kept_as_they_are(tmp_path: Path) -> None:
     bench = load_bench(None, settings=[*SHORT, "duration_s=0.1"])
     error = run_bench(bench, tmp_path / "out", quiet=True, more=[Refuses()]).config_error
