@@ -1,13 +1,17 @@
-"""The pilot that flies the set-points of a companion, of ROS 2 or of a followed log, as a run has it."""
+"""The pilot that flies the set-points of a companion, of ROS 2 or of a followed log, as a run has it and judges it."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
 from hil.run.autopilot import geodetic_from_W, grid_ns
 from hil.run.part import RunContext
+
+_ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT)
+_IN_THE_AIR = (Phase.ARMING, Phase.FLYING, Phase.LANDING)
 
 
 def offboard_pilot(
@@ -30,3 +34,29 @@ def offboard_pilot(
     )
     pilot.expected = bench.firmware
     return pilot
+
+
+def why_unflown(pilot: OffboardPilot, bench: Bench, who: str) -> str:
+    """Return how `who` left the vehicle on the ground; "": it flew, or a goal or a script judges that."""
+    if pilot.phase not in _ON_THE_GROUND or bench.config.goal is not None or bench.script is not None:
+        return ""
+    why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
+    return f"no {who} in control ever flew: the flight ended in the phase {pilot.phase.value}{why}"
+
+
+def why_unlanded(pilot: OffboardPilot, bench: Bench, who: str, how: str) -> str:
+    """Return why a flight that `duration_s` ended is no success where no mission and no goal says how it ends.
+
+    `how` the vehicle is told to land. The flight of a script is judged by what it expects.
+    """
+    config = bench.config
+    if pilot.phase not in _IN_THE_AIR or config.mission is not None or config.goal is not None:
+        return ""
+    where = f"the flight ended at duration_s ({config.duration_s:g} s) in the phase {pilot.phase.value}"
+    return f"the {who} in control never landed: {where}; {how}, or raise duration_s"
+
+
+def is_out_of_time(run: RunContext) -> bool:
+    """Return True if a flight has reached `duration_s`; ask at its end."""
+    config = run.bench.config
+    return run.ticks >= round(config.duration_s * config.tick_hz)

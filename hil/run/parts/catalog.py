@@ -42,7 +42,7 @@ def _may_stay(bench: Bench) -> bool:
     if bench.outcome in ("aborted", "any"):
         return True
     config = bench.config
-    flown = bench.mission is not None or config.companion.flies or config.follow.flies
+    flown = bench.mission is not None or config.flown_by_set_points
     return not flown and config.goal is None and config.search is None
 
 

@@ -9,13 +9,12 @@ from typing import Any
 
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
-from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
 from hil.run.companion.files import TIMING_NAME, read_timing
 from hil.run.companion.link import CompanionLink
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
-from hil.run.offboard import offboard_pilot
+from hil.run.offboard import is_out_of_time, offboard_pilot, why_unflown, why_unlanded
 from hil.run.part import Part, RunContext
 from hil.run.parts.pilots.mission import is_falling, record_texts
 from hil.run.report.page import Report
@@ -25,8 +24,6 @@ from signals.detections import Detections
 
 # Simulated time without a new desired state after which the vehicle holds its position; the longer of the two counts.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
-_ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT)
-_IN_THE_AIR = (Phase.ARMING, Phase.FLYING, Phase.LANDING)
 _MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 
@@ -78,8 +75,7 @@ class CompanionPart(Part):
         return self._pilot is not None and self._pilot.phase.value == "done" and not is_falling(self._run)
 
     def conclude(self, run: RunContext) -> None:
-        config = run.bench.config
-        self._out_of_time = run.ticks >= round(config.duration_s * config.tick_hz)
+        self._out_of_time = is_out_of_time(run)
         if self.link is not None:
             self.link.conclude()
 
@@ -101,18 +97,13 @@ class CompanionPart(Part):
         missing = self.link.missing()
         reasons = [*missing] if config.companion.on_loss == "error" else []
         pilot = self._pilot
-        if pilot is None or config.goal is not None:
-            return Verdict(reasons=reasons)
-        if pilot.phase in _ON_THE_GROUND:
-            why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
-            reasons.append(f"no companion in control ever flew: the flight ended in the phase {pilot.phase.value}{why}")
-        # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
-        elif self._out_of_time and pilot.phase in _IN_THE_AIR and config.mission is None and not missing:
-            reasons.append(
-                f"the companion in control never landed: the flight ended at duration_s ({config.duration_s:g} s) in "
-                f"the phase {pilot.phase.value}; let it command `land` or say `finished`, or raise duration_s"
-            )
-        return Verdict(reasons=reasons)
+        if pilot is not None:
+            reasons.append(why_unflown(pilot, self._bench, "companion"))
+            # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
+            if self._out_of_time and not missing:
+                how = "let it command `land` or say `finished`"
+                reasons.append(why_unlanded(pilot, self._bench, "companion", how))
+        return Verdict(reasons=[reason for reason in reasons if reason])
 
     def run_keys(self) -> dict[str, Any]:
         return {} if self.link is None else {"companion": self.link.report()}

@@ -17,11 +17,12 @@ from hil.config import Bench
 from hil.run.live.encoders import padded
 from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
-from hil.run.offboard import offboard_pilot
+from hil.run.offboard import is_out_of_time, offboard_pilot, why_unflown, why_unlanded
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
 from hil.run.parts.pilots.mission import record_texts
 from hil.run.recorder.mcap.topics import BODY, MAP, ODOM, WORLD
+from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -50,6 +51,7 @@ class Ros2Part(Part):
         self._awaited: list[Any] = []  # publishers whose subscribers are waited for
         self._selected: set[str] = set()
         self._pilot: OffboardPilot | None = None
+        self._out_of_time = False
         self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
         self._commands: Any = None  # services; with `control`
         self._others: Any = None  # the endpoints of other nodes
@@ -190,6 +192,19 @@ class Ros2Part(Part):
 
     def finish(self, run: RunContext) -> None:
         record_texts(run.recorder, list(self.texts()))
+
+    def conclude(self, run: RunContext) -> None:
+        self._out_of_time = is_out_of_time(run)
+
+    def verdict(self) -> Verdict:
+        """Return FAIL for nodes in control that never flew, or never landed without a mission or a goal."""
+        pilot = self._pilot
+        if pilot is None:
+            return Verdict()
+        reasons = [why_unflown(pilot, self._bench, "ROS 2 node")]
+        if self._out_of_time:
+            reasons.append(why_unlanded(pilot, self._bench, "ROS 2 node", "let it send /cmd_land"))
+        return Verdict(reasons=[reason for reason in reasons if reason])
 
     def repeatable(self) -> bool:
         return self._set_points == 0 and (self._commands is None or self._commands.requested == 0)

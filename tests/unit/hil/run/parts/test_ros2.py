@@ -340,6 +340,7 @@ def test_set_points_fly_the_vehicle_and_mark_the_run(tmp_path: Path, other: ros2
     assert result.run["error"] is None
     assert 2.5 < max(heights) < 3.5
     assert result.run["sim_s"] < 59.0  # the landing has ended the flight
+    assert result.status == "PASS"
     assert result.run["ros2"]["set_points"] > 0
     assert result.run["deterministic"] is False
 
@@ -360,6 +361,8 @@ def test_a_frame_that_is_no_text_is_refused_and_the_run_goes_on(tmp_path: Path, 
     assert result.run["ros2"]["set_points"] == 0
     assert result.run["ros2"]["set_points_refused"] > 0
     assert result.run["deterministic"]
+    (reason,) = result.run["verdict"]["reasons"]
+    assert reason.startswith("no ROS 2 node in control ever flew: the flight ended in the phase ")
 
 
 def test_vehicles_cannot_have_one_domain_on_two_interfaces(other: ros2.Node, domain: int) -> None:
@@ -441,6 +444,8 @@ def test_a_teleop_with_plain_twists_flies_the_vehicle_where_it_looks(
     with _meanwhile(fly):
         result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
     assert result.run["error"] is None
+    (reason,) = result.run["verdict"]["reasons"]
+    assert "the ROS 2 node in control never landed: the flight ended at duration_s (14 s) in the phase fl" in reason
     east, north, height = places[-1]
     assert north > 1.0
     assert abs(east) < 0.5
