@@ -22,6 +22,7 @@ from hil.apps.campaign.store import STORE_NAME, Store
 from hil.cluster.join import uses_ray
 from hil.cluster.waiting import said_on
 from hil.config import load_bench
+from hil.config.vehicles.checks import is_flown
 from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
 from hil.run.runs.progress import CountProgress, minutes
@@ -124,9 +125,11 @@ def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
     if file.spec.skip and len(plan) <= MANY and next(iter(plan), None) is None:
         return [file.problem(("skip",), "leaves no point of the plan")]
     problems: dict[tuple[str, str], Problem] = {}  # by what the bench says, so that each is told once
+    flown = False
     for axis, point in plan.trials():
         try:
             bench = load_bench(file.bench_path, settings=point.texts)
+            flown |= any(is_flown(vehicle) for vehicle in bench.each_vehicle.values())
             if bench.config.foxglove.port is not None and bench.config.foxglove.paused:
                 text = "is true: each flight would wait for a client"
                 raise ConfigError([Problem("foxglove.paused", text, "set it to false")])
@@ -139,6 +142,9 @@ def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
                     where = file.problem((section, named) if named else ("settings",), "").where
                     text = f"{axis} = {point.values[axis]!r}: " if axis else ""
                     problems[known] = Problem(where, f"{text}{problem.where}: {problem.message}", problem.hint)
+    if not problems and not flown:
+        hint = "settings: {mission: FILE}, a companion with control: true, or router"
+        return [Problem(file.document.source, "flies nothing: nobody flies the vehicle of its bench", hint)]
     shown, more = list(problems.values())[:MOST_PROBLEMS], len(problems) - MOST_PROBLEMS
     return shown if more <= 0 else [*shown, Problem(file.document.source, f"has {more} more problems")]
 

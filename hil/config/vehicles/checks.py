@@ -48,7 +48,7 @@ def vehicles_problems(
                     report(name, place, message.format(value=value, other=owner[value]))
                 owner.setdefault(value, name)
     for name, config in configs.items():
-        if flown and not _flies(vehicles[name]):
+        if flown and not is_flown(vehicles[name]):
             hint = "a mission, a companion with control: true, manual or router"
             report(name, (), "nobody flies this vehicle", hint)
         autopilot = config.autopilot
@@ -63,7 +63,8 @@ def vehicles_problems(
     return problems + _start_problems(vehicles, located)
 
 
-def _flies(bench: Bench) -> bool:
+def is_flown(bench: Bench) -> bool:
+    """Return True if anything of the bench flies its vehicle, or lets somebody else do so."""
     config = bench.config
     by_hand = config.manual.device is not None or bool(config.router.endpoints()) or bool(config.parts)
     return bench.mission is not None or bench.script is not None or config.flown_by_set_points or by_hand

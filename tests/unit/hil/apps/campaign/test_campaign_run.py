@@ -95,17 +95,23 @@ def test_faults_that_no_flight_met_are_told(spec: Path, tmp_path: Path) -> None:
 
 
 def test_cases_in_which_nothing_flew_are_told(spec: Path, tmp_path: Path) -> None:
-    """Without a mission the vehicle stands at its start, which no limit minds: a campaign of them was green."""
+    """The vehicle of one case has no mission and stands at its start, which no limit minds: it was green."""
     spec.write_text(
-        "settings: {rig: mock, mission: null, duration_s: 3, autopilot: {transport: loopback}}\n"
-        "axes: {seed: [1, 2]}\nrecheck: 0.0\n"
+        "settings: {rig: mock, duration_s: 3, autopilot: {transport: loopback}}\n"
+        "axes: {mission: [null, rigs/missions/short.waypoints]}\nrecheck: 0.0\n"
     )
     said = io.StringIO()
-    assert run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300)) == 0
-    assert "warning: 2 cases without what was declared, such as " in said.getvalue()
+    run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300))
+    assert "warning: 1 case without what was declared, such as " in said.getvalue()
     assert "nothing was flown or judged" in said.getvalue()
-    assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 2
-    assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 2
+    assert json.loads((tmp_path / "out" / "campaign.json").read_text())["unmet"] == 1
+    assert (tmp_path / "out" / "junit.xml").read_text().count('name="unmet"') == 1
+
+
+def test_a_campaign_that_nobody_flies_is_refused(spec: Path, tmp_path: Path) -> None:
+    spec.write_text("settings: {rig: mock, mission: null}\naxes: {seed: [1, 2]}\n")
+    with pytest.raises(ConfigError, match=r"small.yaml: flies nothing: nobody flies the vehicle of its bench"):
+        fly(spec, tmp_path / "out")
 
 
 def test_second_flights_that_could_not_be_made_are_told(
