@@ -8,10 +8,11 @@ from hil.config.checks.far_notes import far_notes
 from hil.config.checks.fault_notes import fault_notes
 from hil.config.checks.heading_notes import heading_notes
 from hil.config.checks.limit_notes import limit_notes
+from hil.config.checks.mount_notes import mount_notes
 from hil.config.checks.radius_notes import radius_notes
 
 
 def flight_notes(bench: Bench) -> list[str]:
-    """Describe limits and faults in vain, and what of its mission may not be flown as it is written."""
-    kinds = (limit_notes, fault_notes, radius_notes, far_notes, heading_notes, course_notes)
+    """Describe limits, faults and sensors in vain, and what of its mission may not be flown as it is written."""
+    kinds = (limit_notes, fault_notes, mount_notes, radius_notes, far_notes, heading_notes, course_notes)
     return [note for notes in kinds for note in notes(bench)]
