@@ -55,7 +55,7 @@ _FIRMWARE = {
     "ardupilot/build/sitl/bin/arducopter": b"ArduCopter V4.7",
     "ardupilot/build/sitl/bin/arduplane": b"ArduPlane V4.7",
 }
-_CAMPAIGN = "bench: hil.yaml\nsettings: {duration_s: 1, mission: null}\nrecheck: 0\naxes: {seed: [1, 2]}\n"
+_CAMPAIGN = "bench: hil.yaml\nsettings: {duration_s: 1}\nrecheck: 0\naxes: {seed: [1, 2]}\n"
 _YARD = """<mujoco><asset><material name="plaster"/><material name="foil"/></asset><worldbody>
   <geom name="shed" type="box" size="1 1 1" pos="9 9 1" material="plaster"/>
   <body name="house_a"><geom type="box" size="2 2 2" pos="20 0 2" material="foil"/></body>
