@@ -70,6 +70,11 @@ class _Person:
         return reach
 
     @property
+    def laden_hand(self) -> str | None:
+        """The hand that carries a bag, hand_l or hand_r."""
+        return next((p.limb for p in self._look.pieces if p.role == "bag" and p.limb.startswith("hand_")), None)
+
+    @property
     def chair_size(self) -> float:
         """Size of this person's wheelchair; a child has a smaller one."""
         return _CHILDS_WHEELCHAIR * self._scale if self.figure.child else 1.0
@@ -140,13 +145,15 @@ def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
     return [[0.0, 0.0, hip_z + height, 1.0, 0.0] for height in heights]
 
 
-def _standing(figure: Figure, rng: RandomGenerator) -> list[Row]:
+def _standing(figure: Figure, rng: RandomGenerator, laden: str | None) -> list[Row]:
+    """Return the rows of a person who stands; `laden`: the hand in which a bag hangs, whose arm is down."""
     hip_z = figure.ankle_m + 0.992 * figure.leg_m
     rows = _trunk_rows(figure, hip_z)
     shoulder_z = hip_z + figure.shoulder_above_hip_m
-    for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
-        bend = rng.between(0.1, 0.4) if rng.chance(0.6) else 1.6  # this arm down, or its hand at the ear
-        rows += resting_arm(figure.lengths_m, side, shoulder_z, -0.1, -0.1 - bend)
+    for hand, side in (("hand_l", figure.shoulder_half_m), ("hand_r", -figure.shoulder_half_m)):
+        bend = rng.between(0.1, 0.4) if rng.chance(0.6) else 1.6  # this arm down, or its forearm level
+        upper_rad, fore_rad = (0.0, -0.05) if hand == laden else (-0.1, -0.1 - bend)
+        rows += resting_arm(figure.lengths_m, side, shoulder_z, upper_rad, fore_rad)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = rng.between(-0.03, 0.05)
         rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
@@ -238,7 +245,7 @@ def add_still_person(
 ) -> None:
     """Add a person as one static body: standing at `at_m`, or sitting there on a seat of height `seat_m` (not 0)."""
     person = _Person(builder, rng, traits, sitting=seat_m > 0.0)
-    rows = _sitting(person.figure, seat_m) if seat_m else _standing(person.figure, rng)
+    rows = _sitting(person.figure, seat_m) if seat_m else _standing(person.figure, rng, person.laden_hand)
     builder.classify("person", "person_*")
     body = builder.named_body(person.name, at_m, yaw_quat(heading_rad))
     for limb, row in zip(LIMBS, rows, strict=True):

@@ -206,6 +206,17 @@ def test_all_looks_can_be_built() -> None:
     assert {name.removesuffix(".msh") for name in parts} == set(PARTS)
 
 
+def test_a_bag_hangs_from_the_hand_that_carries_it() -> None:
+    seen = 0
+    for seed in range(120):
+        model, data, _ = built(1.74, seed)
+        low, high = span(model, data, ("shopping_bag",))
+        if math.isfinite(high):
+            seen += 1
+            assert 0.1 < low < high < 0.5 * 1.74  # an arm that hangs ends there
+    assert seen >= 5
+
+
 @pytest.mark.parametrize("height_m", [0.9, 1.2, 1.41, 1.42, 1.95])
 def test_feet_rest_on_the_footrests_of_a_wheelchair(height_m: float) -> None:
     builder = MapBuilder("people")
