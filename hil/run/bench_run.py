@@ -44,8 +44,8 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     """
     bench = settled(bench)
     with run_folder(out, bench.vehicles):
-        if not bench.config.follow.flies:  # whose log may be here
-            remove_earlier((out, *(out / name for name in bench.vehicles)))
+        logs = (own.config.follow.log for own in bench.each_vehicle.values())
+        remove_earlier(out, bench.vehicles, [log for log in logs if log is not None])
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 

@@ -10,8 +10,8 @@ from hil.config import Bench
 from hil.run.autopilot import geodetic_from_W, grid_ns
 from hil.run.part import RunContext
 
-_ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT)
-_IN_THE_AIR = (Phase.ARMING, Phase.FLYING, Phase.LANDING)
+_ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT, Phase.ARMING)
+_IN_THE_AIR = (Phase.FLYING, Phase.LANDING)
 
 
 def offboard_pilot(
@@ -40,17 +40,19 @@ def why_unflown(pilot: OffboardPilot, bench: Bench, who: str) -> str:
     """Return how `who` left the vehicle on the ground; "": it flew, or a goal or a script judges that."""
     if pilot.phase not in _ON_THE_GROUND or bench.config.goal is not None or bench.script is not None:
         return ""
-    why = "; they sent no desired state that moves the vehicle" if pilot.ready else ""
+    why = (
+        "; they sent no desired state that moves the vehicle" if pilot.ready and pilot.phase is not Phase.ARMING else ""
+    )
     return f"no {who} in control ever flew: the flight ended in the phase {pilot.phase.value}{why}"
 
 
 def why_unlanded(pilot: OffboardPilot, bench: Bench, who: str, how: str) -> str:
-    """Return why a flight that `duration_s` ended is no success where no mission and no goal says how it ends.
+    """Return why a flight that `duration_s` ended is no success where no mission, goal or search says how it ends.
 
     `how` the vehicle is told to land. The flight of a script is judged by what it expects.
     """
     config = bench.config
-    if pilot.phase not in _IN_THE_AIR or config.mission is not None or config.goal is not None:
+    if pilot.phase not in _IN_THE_AIR or any(v is not None for v in (config.mission, config.goal, config.search)):
         return ""
     where = f"the flight ended at duration_s ({config.duration_s:g} s) in the phase {pilot.phase.value}"
     return f"the {who} in control never landed: {where}; {how}, or raise duration_s"

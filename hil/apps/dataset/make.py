@@ -141,6 +141,7 @@ class _DatasetMaker:
         tree = TreeWriter(root)
         files += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
         bench = self.bench_files[f"{plan.vehicle}/{BENCH_NAME}" if plan.vehicle else BENCH_NAME]
+        enclosed = EnclosedSensors(plan)
         store = DatasetStore.open(root, plan, bench, self.options.make_checkpoints)
         times: list[tuple[float, int]] = []
 
@@ -148,7 +149,7 @@ class _DatasetMaker:
             times.append((time.monotonic(), frames))
             progress.show(frames)
 
-        pipeline, enclosed = Pipeline(store, workers, on_done=on_done), EnclosedSensors(plan)
+        pipeline = Pipeline(store, workers, on_done=on_done)
 
         def on_batch(batch: Batch, data: FlightData) -> None:
             enclosed.add(batch)

@@ -29,5 +29,5 @@ def mount_notes(bench: Bench) -> list[str]:
             c, s = math.cos(course), math.sin(course)
             found.append(points.around((x + c * ahead_m - s * left_m, y + s * ahead_m + c * left_m, z + up_m)))
         if found and all(found):
-            notes.append(f"sensors.{name}.mount_m: puts it inside {found[0]} at every waypoint: it sees nothing")
+            notes.append(f"sensors.{name}.mount_m: puts it inside {found[0]} at every waypoint")
     return notes

@@ -10,7 +10,7 @@ from hil.config.schema import BenchConfig
 from signals.errors import Problem
 from sim.scene.scene import Scene
 
-_NEAR_M = 0.3  # height over its start from which a vehicle counts as in the air
+_NEAR_M = 0.3  # height over its start from which a vehicle counts as in the air (AIRBORNE_M of hil/run/verdict)
 
 
 def still_problems(config: BenchConfig, mission: Mission, scene: Scene) -> list[Problem]:

@@ -7,21 +7,21 @@ from collections.abc import Iterator, Sequence
 MAX_LOITER_M = 10_000.0  # ArduPlane takes 2550 m at most
 MAX_SPEED_MPS = 340.0
 _AS_IT_IS, _AS_SET = -1.0, -2.0  # speeds of DO_CHANGE_SPEED that are words
-_TIMES = {16: "waits", 19: "loiters for", 82: "waits"}  # param 1 [s]
+TIMES = {16: "waits", 19: "loiters for", 82: "waits"}  # param 1 [s]
 _LOITER_TURNS, _CHANGE_SPEED = 18, 178
-_RADIUS_OF = {17: 2, 18: 2, 19: 2, 31: 1}  # index of the loiter radius, negative: counter-clockwise
+LOITER_RADII = {17: 2, 18: 2, 19: 2, 31: 1}  # index of the radius among the parameters, negative: counter-clockwise
 
 
 def wrong_values(command: int, params: Sequence[float]) -> Iterator[tuple[int, str, str]]:
     """Yield index, message and hint for every wrong parameter of an item. A value left open (NaN) is none."""
     p1, p2 = params[:2]
-    if command in _TIMES and p1 < 0.0:
-        yield 0, f"{_TIMES[command]} {p1:g} s", "give 0 s or more"
+    if command in TIMES and p1 < 0.0:
+        yield 0, f"{TIMES[command]} {p1:g} s", "give 0 s or more"
     if command == _LOITER_TURNS and p1 < 0.0:
         yield 0, f"makes {p1:g} turns", "give 0 or more; a negative radius turns counter-clockwise"
     if command in (16, 82) and p2 < 0.0:
         yield 1, f"has the acceptance radius {p2:g} m", "give more than 0 m, or 0 for the autopilot's own"
-    index = _RADIUS_OF.get(command)
+    index = LOITER_RADII.get(command)
     if index is not None and abs(params[index]) > MAX_LOITER_M:
         yield index, f"has the loiter radius {params[index]:g} m", f"give at most {MAX_LOITER_M:g} m"
     if command == _CHANGE_SPEED and not 0.0 <= p2 <= MAX_SPEED_MPS and p2 == p2 and p2 not in (_AS_IT_IS, _AS_SET):

@@ -15,6 +15,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from hil.data_set_files import MANIFEST
 from hil.run.report.run_json import run_json_text, write_run_json
 from signals._kernel import guard_file
 from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
@@ -28,7 +29,7 @@ _SUFFIXES = (
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
 _RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one of a run
-_TAKEN_FOR_THIS = ("report.html", "run.mcap", "flight.tlog")  # of an earlier run, beside the run.json of another
+_REPORT, _RECORDINGS = "report.html", ("run.mcap", "flight.tlog")
 
 
 @contextlib.contextmanager
@@ -103,12 +104,23 @@ def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
                     (out / name / file).unlink(missing_ok=True)
 
 
-def remove_earlier(folders: Iterable[Path]) -> None:
-    """Remove report and recordings of an earlier run, which this one may not write: they would pass for its own."""
-    for folder in folders:
-        for name in _TAKEN_FOR_THIS:
-            with contextlib.suppress(OSError):
-                (folder / name).unlink(missing_ok=True)
+def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> None:
+    """Remove report and recordings of an earlier run in `out`, which would pass for those of this one.
+
+    `kept`: files and folders of runs that this run reads. A folder without a run.json, or of a data set, is left alone.
+    """
+    if not _is_of_a_run(out):
+        return
+    read = {Path(os.path.realpath(path)) for path in kept}
+    for folder in (out, *(out / name for name in vehicles)):
+        for file in (Path(os.path.realpath(folder / name)) for name in (_REPORT, *_RECORDINGS)):
+            if not read & {file, file.parent}:
+                with contextlib.suppress(OSError):
+                    file.unlink(missing_ok=True)
+
+
+def _is_of_a_run(folder: Path) -> bool:
+    return (folder / "run.json").is_file() and not (folder / MANIFEST).exists()
 
 
 def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:
@@ -193,11 +205,15 @@ def _point(link: Path, target: str | None) -> str | None:
 def write_unbegun(error: HilError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
     """Write the run.json of a run that never began because of an error, over that of an earlier run.
 
+    The report of that one is removed; its recordings stay, since the refused run may have been told to read them.
     Raises RecordingError if that is not possible, or another run writes into the folder.
     """
     kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
     run = _unbegun(kind, str(error), rig=rig, scene=scene, seed=seed)
     with run_folder(folder):
+        if _is_of_a_run(folder):
+            with contextlib.suppress(OSError):
+                (folder / _REPORT).unlink(missing_ok=True)
         write_run_json(folder / "run.json", run)
 
 

@@ -126,7 +126,8 @@ class FlightMeasurement:
         self._reaches_m = _reaches_m(self._fly_legs, margin_m)
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
-        self._heights_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
+        self._above_m = height_m
+        self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
         self._settle_m = _settle_distances_m(self._fly_legs)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -222,7 +223,7 @@ class FlightMeasurement:
         leg = fly[target]
         dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
         radius_m = self._reaches_m[target]
-        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= self._heights_m[target]:
+        if dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m:
             self._waypoint += 1
 
     def _settled(self, p_WB: Vec3) -> bool:

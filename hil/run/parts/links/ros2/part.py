@@ -197,7 +197,7 @@ class Ros2Part(Part):
         self._out_of_time = is_out_of_time(run)
 
     def verdict(self) -> Verdict:
-        """Return FAIL for nodes in control that never flew, or never landed without a mission or a goal."""
+        """Return FAIL for nodes in control that never flew, or never landed without a mission, goal or search."""
         pilot = self._pilot
         if pilot is None:
             return Verdict()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,8 @@ import pytest
 from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
-from hil.run.report.run_folder import run_folder
-from signals.errors import RecordingError
+from hil.run.report.run_folder import remove_earlier, run_folder, write_unbegun
+from signals.errors import ConfigError, Problem, RecordingError
 
 SHORT = ("duration_s=0.1", "record.report=false", "autopilot.transport=loopback", "mission=null")
 
@@ -86,3 +87,31 @@ def test_results_of_vehicles_of_an_earlier_run_are_removed(tmp_path: Path) -> No
         pass
     assert not (out / "b" / "run.json").exists()
     assert all((folder / "run.json").exists() for folder in (out, out / "a", out / "mine", tmp_path / "c"))
+
+
+def test_what_belongs_to_no_earlier_run_or_is_read_is_not_removed(tmp_path: Path) -> None:
+    names = {"report.html", "run.mcap", "flight.tlog"}
+
+    def left(folder: Path, *beside: str, kept: Iterable[str] = ()) -> set[str]:
+        for place in (folder, folder / "a"):
+            place.mkdir(parents=True)
+            for name in names:
+                (place / name).write_text("mine")
+        for name in beside:
+            (folder / name).write_text("{}")
+        remove_earlier(folder, ("a",), kept)
+        return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.name in names}
+
+    both = {str(Path(place, name)) for place in ("", "a") for name in names}
+    assert left(tmp_path / "of_the_user") == both
+    assert left(tmp_path / "data_set", "run.json", "dataset.json") == both
+    assert left(tmp_path / "run", "run.json") == set()
+    assert left(tmp_path / "log", "run.json", kept=[str(tmp_path / "log" / "a" / "run.mcap")]) == {"a/run.mcap"}
+    assert left(tmp_path / "folder", "run.json", kept=[str(tmp_path / "folder")]) == names
+
+
+def test_a_run_that_never_began_leaves_no_report_of_an_earlier_one(tmp_path: Path) -> None:
+    for name in ("run.json", "report.html", "run.mcap"):
+        (tmp_path / name).write_text("{}")
+    write_unbegun(ConfigError([Problem("x", "is wrong")]), tmp_path, rig=None, scene=None, seed=None)
+    assert {path.name for path in tmp_path.iterdir()} == {"run.json", "run.mcap"}

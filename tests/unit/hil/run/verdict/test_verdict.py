@@ -160,7 +160,9 @@ def test_a_hover_flies_no_small_square_whatever_the_limit(side_m: float, at_m: f
     assert flown(square(side_m), tour(corners, 3.2), limits=limits).reached == 4
 
 
-@pytest.mark.parametrize(("height", "flown_at_m", "reached"), [(10.2, 4.0, 0), (10.2, 6.0, 5), (3.2, 0.9, 0)])
+@pytest.mark.parametrize(
+    ("height", "flown_at_m", "reached"), [(10.2, 4.0, 0), (10.2, 6.0, 5), (3.2, 0.9, 0), (3.2, 6.7, 5)]
+)
 def test_without_a_limit_of_height_half_of_it_is_flown(height: float, flown_at_m: float, reached: int) -> None:
     """A flight at 4 m instead of 10 m passed, and one at 0.7 m over ground instead of 3 m."""
     low = tour(CORNERS, flown_at_m)
