@@ -1,0 +1,87 @@
+"""Faults and gusts that a flight did not meet: which fail it, and which are only warned of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
+
+BENCH = """
+rig: mock
+mission: %s
+autopilot: {transport: loopback}
+record: {mcap: false, tlog: false, report: false}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  spare: {preset: here_plus, kind: gps, rate_hz: 5, autopilot: false}
+"""
+# A hover of a few seconds by modes alone.
+HOP = """
+actions:
+  - {at_s: 3, param: {MIS_TAKEOFF_ALT: 3.0}}
+  - {at_s: 4.4, set_mode: TAKEOFF}
+  - {at_s: 4.5, arm: true}
+  - {after: takeoff, delay_s: 6, set_mode: LAND, required: false}
+"""
+GUST = "{at_s: %g, velocity_W_mps: [1, 0, 0], rise_s: 0.1, hold_s: 0.1, fall_s: 0.1}"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def fly(more: str, script: str = "", settings: tuple[str, ...] = ()) -> RunResult:
+    Path("flight.yaml").write_text(HOP + script)
+    Path("bench.yaml").write_text(BENCH % ("flight.yaml" if script else "null") + more)
+    return run_bench(load_bench("bench.yaml", settings=settings), Path("out"), quiet=True)
+
+
+def reasons(result: RunResult) -> list[str]:
+    return list(result.run["verdict"]["reasons"])
+
+
+ROTOR, STALL = "{rotor: 0, kind: efficiency, factor: 0.9, at_s: 400}", "{kind: stall, at_s: 400, for_s: 1}"
+
+
+@pytest.mark.parametrize(
+    ("faults", "action", "name"),
+    [
+        (f"rotors: [{ROTOR}]", "gust: {speed_mps: 3, direction_deg: 10, for_s: 1}", "rotor 0: efficiency"),
+        (f"rotors: [{ROTOR}]", "fault: {rotor: 1, kind: efficiency, factor: 0.9}", "rotor 0: efficiency"),
+        (f"links: [{STALL}]", "fault: {link: {kind: drop, rate: 0.1, messages: [HEARTBEAT]}}", "the link: stall"),
+        ("sensors: [{sensor: gps, kind: dropout, at_s: 400}]", "fault: {autopilot: noise}", "gps: dropout"),
+        ("sensors: [{sensor: gps, kind: dropout, at_s: 400}]", "fault: {sensor: gps, kind: freeze}", "gps: dropout"),
+    ],
+)
+def test_an_action_of_the_script_excuses_no_fault_of_the_bench_at_its_time(faults: str, action: str, name: str) -> None:
+    """The time alone told them apart: the fault was taken for the script's, which is not required."""
+    result = fly(f"faults: {{{faults}}}\n", f"  - {{at_s: 400, required: false, {action}}}\n")
+    (reason,) = reasons(result)
+    assert reason.startswith(f"fault of {name} at 400 s never began: ")
+    assert len(result.run["unmet"]) == 2
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_an_action_is_required_or_not_whatever_another_one_with_its_fault_is(required: bool) -> None:
+    """Sensor and kind alone told them apart."""
+    text = "  - {after: takeoff, delay_s: %s, required: %s, fault: {sensor: gps, kind: dropout, for_s: %s}}\n"
+    needed, other = str(required).lower(), str(not required).lower()
+    result = fly("", text % (1, other, 0.5) + text % (4.002, needed, 0.001))
+    (told,) = result.run["unmet"]
+    assert reasons(result) == ([told] if required else [])
+
+
+def test_what_an_expected_crash_prevents_is_warned_of_but_not_without_a_cause() -> None:
+    stuck, late = "  - {at_s: 7, fault: {rotor: 0, kind: stuck}}\n", f"wind: {{gusts: [{GUST % 50}]}}\n"
+    result = fly(late, stuck + "outcome: crashed\n")
+    assert (result.status, len(result.run["unmet"])) == ("PASS", 1)
+    assert result.run["unmet"][0] in [row["text"] for row in result.run["warnings"]]
+    early = fly(late, "outcome: aborted\n")
+    assert reasons(early) == early.run["unmet"], "nothing that was declared had begun"
