@@ -5,6 +5,8 @@
 - that a script does not require, or that someone began by hand,
 - that would have begun after the crash or the abort that the script expects, once another one has begun,
 - of a run that was stopped by hand.
+
+Of several vehicles, one that has met a fault or gust of all of them is enough.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ class UnmetFaultsPart(Part):
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._own = [what for what, _, _ in _instants(bench.config)]  # of the bench
+        self._declared = [what for what, _, _ in _instants(bench.config)]  # also by the script, at a time
+        self._own = list(self._declared)  # of the bench
         actions = () if bench.script is None else bench.script.script.actions
         timed = [(_declared_by(spec), spec.required) for spec in actions if spec.in_settings]
         for what, _ in timed:
@@ -51,12 +54,19 @@ class UnmetFaultsPart(Part):
 
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
-        for _, text, fails in self._found():
+        others = [part for other in run.fleet if other is not run and (part := other.part(self.name)) is not None]
+        for what, text, fails in self._found():
+            if any(part.has_met(what) for part in others):
+                continue
             self._unmet.append(text)
             if fails and not run.stopped_by_hand:
                 self._reasons.append(text)
             else:
                 run.say("warning", text)
+
+    def has_met(self, what: Any) -> bool:
+        """Return True if the bench of this vehicle declares a fault or gust, too, and its flight has met it."""
+        return what in self._declared and what not in [unmet.what for unmet in self._found()]
 
     def _found(self) -> Iterator[Unmet]:
         """Yield what the flight did not meet."""

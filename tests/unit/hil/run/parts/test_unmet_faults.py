@@ -85,3 +85,25 @@ def test_what_an_expected_crash_prevents_is_warned_of_but_not_without_a_cause() 
     assert result.run["unmet"][0] in [row["text"] for row in result.run["warnings"]]
     early = fly(late, "outcome: aborted\n")
     assert reasons(early) == early.run["unmet"], "nothing that was declared had begun"
+
+
+@pytest.mark.parametrize(
+    ("gust_s", "own", "unmet"),
+    [
+        (27, "{}", []),
+        (
+            27,
+            "{faults: {rotors: [{rotor: 0, kind: efficiency, factor: 0.99, at_s: 27}]}}",
+            ["a: fault of rotor 0: efficiency at 27 s"],
+        ),
+        (50, "{}", ["a: gust at 50 s", "b: gust at 50 s"]),
+    ],
+)
+def test_of_several_vehicles_one_that_met_it_is_enough(gust_s: float, own: str, unmet: list[str]) -> None:
+    """A vehicle that was down before the common gust failed the flight of all."""
+    Path("long.yaml").write_text(HOP.replace("delay_s: 6", "delay_s: 12"))
+    vehicles = f"vehicles: {{a: {own}, b: {{start: {{p_W: [9, 0, 0]}}, mission: long.yaml}}}}\n"
+    result = fly(f"wind: {{gusts: [{GUST % gust_s}]}}\n{vehicles}", "expect: []\n")
+    ends_s = [vehicle["sim_s"] for vehicle in result.run["vehicles"].values()]
+    assert ends_s[0] < 27 < ends_s[1]
+    assert [text.partition(" never began: ")[0] for text in reasons(result)] == unmet
