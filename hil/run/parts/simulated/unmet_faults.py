@@ -3,6 +3,7 @@
 `unmet` of run.json has them, for what makes many runs. Only warned of are those
 
 - that a script does not require, or that someone began by hand,
+- of a sensor that nothing reads: recordings and watchers do not change a verdict,
 - that would have begun after the crash or the abort that the script expects, once another one has begun,
 - of a run that was stopped by hand.
 
@@ -81,17 +82,22 @@ class UnmetFaultsPart(Part):
             if at_s >= end_s:  # of those of a script, its own part judges
                 text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
                 yield Unmet(what, text, what in self._own and not ends_early)
-        sampled = {slot.port for slot in run.sensors.slots}
+        sampled, read = {slot.port for slot in run.sensors.slots}, self._read_sensors()
         unsampled = [fault for fault in config.faults.sensors if fault.sensor not in sampled]
         for fault in (*unsampled, *run.sensors.unmet()):
             if fault.at_s < end_s:
                 why = "it was not sampled: nothing reads it" if fault in unsampled else "no sample fell into its time"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
-                yield Unmet(fault, text, fault in required)
+                yield Unmet(fault, text, fault in required and fault.sensor in read)
         for fault in run.part("faults").unmet:
             if fault.at_s < end_s:
                 text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed"
                 yield Unmet(fault, text, fault in required)
+
+    def _read_sensors(self) -> set[str]:
+        """Return the sensors that the autopilot or a companion reads, whatever is recorded or watched."""
+        ports = frozenset[str]().union(*(part.ports() for part in self._run.parts))
+        return {*self._bench.config.autopilot_sensors().values(), *(port.partition("/")[0] for port in ports)}
 
     def verdict(self) -> Verdict:
         return Verdict(reasons=self._reasons)

@@ -107,3 +107,13 @@ def test_of_several_vehicles_one_that_met_it_is_enough(gust_s: float, own: str, 
     ends_s = [vehicle["sim_s"] for vehicle in result.run["vehicles"].values()]
     assert ends_s[0] < 27 < ends_s[1]
     assert [text.partition(" never began: ")[0] for text in reasons(result)] == unmet
+
+
+@pytest.mark.parametrize("mcap", ["true", "false"])
+@pytest.mark.parametrize("until_s", ["null", "5.001"])
+def test_what_is_recorded_does_not_change_the_verdict(mcap: str, until_s: str) -> None:
+    """The fault of a sensor that only the recording reads failed the flight without one, or with one."""
+    fault = f"faults: {{sensors: [{{sensor: spare, kind: dropout, at_s: 5.0005, until_s: {until_s}}}]}}\n"
+    result = fly(fault, "expect: []\n", (f"record.mcap={mcap}",))
+    assert result.status == "PASS"
+    assert ("unmet" in result.run) == (mcap == "false" or until_s != "null")
