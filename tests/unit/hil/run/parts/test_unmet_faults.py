@@ -117,3 +117,11 @@ def test_what_is_recorded_does_not_change_the_verdict(mcap: str, until_s: str) -
     result = fly(fault, "expect: []\n", (f"record.mcap={mcap}",))
     assert result.status == "PASS"
     assert ("unmet" in result.run) == (mcap == "false" or until_s != "null")
+
+
+def test_a_fault_at_an_event_of_a_sensor_that_nothing_reads_is_no_error() -> None:
+    """Without a recording it was a KeyError."""
+    result = fly("", "  - {after: takeoff, delay_s: 1, fault: {sensor: spare, kind: dropout}}\n")
+    assert result.status == "PASS", result.run
+    (told,) = result.run["unmet"]
+    assert told.endswith(" s had no effect: it was not sampled: nothing reads it")
