@@ -97,7 +97,7 @@ class CompanionPart(Part):
         missing = self.link.missing()
         reasons = [*missing] if config.companion.on_loss == "error" else []
         pilot = self._pilot
-        if pilot is not None:
+        if pilot is not None and not self._run.stopped_by_hand:
             reasons.append(why_unflown(pilot, self._bench, "companion"))
             # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
             if self._out_of_time and not missing:
