@@ -86,11 +86,8 @@ class UnmetFaultsPart(Part):
         unsampled = [fault for fault in config.faults.sensors if fault.sensor not in sampled]
         for fault in (*unsampled, *run.sensors.unmet()):
             if fault.at_s < end_s:
-                why = (
-                    "it was not sampled: nothing reads it"
-                    if fault.sensor not in sampled
-                    else "no sample fell into its time"
-                )
+                missed = "no sample fell into its time"
+                why = missed if fault.sensor in sampled else "it was not sampled: nothing reads it"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required and fault.sensor in read)
         for fault in run.part("faults").unmet:
