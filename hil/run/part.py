@@ -100,6 +100,7 @@ class RunContext:
         self._quiet = quiet
         self.out = out  # folder of the run
         self.parts = tuple(parts)
+        self.fleet: tuple[RunContext, ...] = (self,)  # of all vehicles of the run; begin
         self.legs: tuple[Leg, ...] = ()  # planned path; open, once the mission's path is known
         self.route: list[PlanPoint] = []  # labelled points of the path, or the goal; likewise
         self.stopped_by_hand = False  # where a run without a mission may end at any tick

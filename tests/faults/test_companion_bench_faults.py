@@ -26,7 +26,9 @@ from rich.console import Console
 
 import hil.run.companion.started as started
 from firmware_bridge.companion.server import CompanionServer
-from hil.run.bench_run import RunResult
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.part import FlightEnded, Part
 from hil.run.recorder.reading import Recording, read_messages
 from hil.run.replay import fly_and_compare
 from tests.worlds.companion_server import RawClient
@@ -346,6 +348,26 @@ def test_a_pilot_that_commands_nothing_does_not_pass(tmp_path: Path, monkeypatch
     assert outcome.status == "FAIL"
     (reason,) = outcome.run["verdict"]["reasons"]
     assert reason.endswith("in the phase preflight; they sent no desired state that moves the vehicle")
+
+
+class Ends(Part):
+    """Ends the flight at tick 500, as a test suite does."""
+
+    name = "ends"
+
+    def after_tick(self, tick: int) -> None:
+        if tick == 500:
+            raise FlightEnded("it is over")
+
+
+def test_a_pilot_that_had_no_time_to_fly_is_only_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lazy.py").write_text(OBSERVER.replace("ACT", "return None"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    path = write_bench(tmp_path, "start: ['lazy:Watcher'], control: true, rate_hz: 25", "")
+    bench = load_bench(path, settings=("duration_s=8", "mission=null"))
+    outcome = run_bench(bench, tmp_path / "run", quiet=True, more=[Ends()])
+    assert (outcome.status, outcome.run["verdict"]["reasons"]) == ("PASS", [])
+    assert any(row["text"].startswith("no companion in control ever flew") for row in outcome.run["warnings"])
 
 
 @pytest.mark.parametrize(("then", "reasons"), [("None", 1), ("Desired(land=True)", 0)])

@@ -57,6 +57,9 @@ SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked | Jamme
 Injected = VehicleFault | GustEvent | SensorFault
 """A disturbance that an action can begin during the flight."""
 
+Inject = Callable[[Injected, bool], None]
+"""Begins a disturbance; told whether its action is required."""
+
 Instant = Annotated[float, Field(ge=0.0, le=_DAY_S)]
 Real32 = Annotated[float, Field(ge=-3e38, le=3e38)]
 
@@ -317,7 +320,7 @@ def injected_at(spec: ActionSpec, at_s: float) -> Injected:
 
 
 def flight_actions(
-    mission_script: MissionScript, mission: Mission | None, inject: Callable[[Injected], None], *, tick_ns: int
+    mission_script: MissionScript, mission: Mission | None, inject: Inject, *, tick_ns: int
 ) -> list[Action]:
     """Return the actions of the flight. Gusts and faults are passed to `inject` and begin with the next tick."""
     actions: list[Action] = []
@@ -342,9 +345,7 @@ def flight_actions(
     return actions
 
 
-def _steps_of(
-    spec: ActionSpec, inject: Callable[[Injected], None], tick_ns: int
-) -> list[SetMode | SetParam | RunCommand | Effect]:
+def _steps_of(spec: ActionSpec, inject: Inject, tick_ns: int) -> list[SetMode | SetParam | RunCommand | Effect]:
     if spec.set_mode is not None:
         return [SetMode(spec.set_mode)]
     if spec.arm is not None:
@@ -355,6 +356,6 @@ def _steps_of(
         return [RunCommand(spec.command.id, spec.command.params)]
 
     def begin(t_ns: int) -> None:
-        inject(injected_at(spec, (t_ns + tick_ns) / NS_PER_S))
+        inject(injected_at(spec, (t_ns + tick_ns) / NS_PER_S), spec.required)
 
     return [Effect(begin)]

@@ -78,6 +78,8 @@ class Fleet:
     def fly(self) -> None:
         """Fly until every flight has ended. The vehicles are built."""
         self.flights = {name: Flight(run.context, name) for name, run in self._runs.items()}
+        for run in self._runs.values():
+            run.context.fleet = tuple(each.context for each in self._runs.values())
         flights = list(self.flights.values())
         lockstep = None
         if flights[0].name:

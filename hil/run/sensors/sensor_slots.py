@@ -51,6 +51,7 @@ class SensorSlots:
         self.deviations: dict[str, Mapping[str, float]] = {}  # of the noise of a sample, by sensor and field
         self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
+        self._unsampled: list[SensorFault] = []  # begun during the flight
         simulated = SimulatedSensors(bench, wanted, frames, wind_at=wind_at)
         # Cameras come before the radars that read them; the order within a tick has no other effect.
         order = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
@@ -72,8 +73,14 @@ class SensorSlots:
         self.slots = [self._slot(name, wanted[name]) for name in order]
 
     def inject(self, fault: SensorFault) -> None:
-        """Begin a fault now. Raises KeyError for a sensor that was not declared as faulty or by `allow_faults`."""
-        self._faulty[fault.sensor].inject(fault)
+        """Begin a fault now; of a sensor that is not sampled it has no effect.
+
+        Raises KeyError for a sampled sensor that was not declared as faulty or by `allow_faults`.
+        """
+        if any(slot.port == fault.sensor for slot in self.slots):
+            self._faulty[fault.sensor].inject(fault)
+        else:
+            self._unsampled.append(fault)
 
     def allow_faults(self, name: str) -> None:
         """Let a sensor take faults that the bench does not declare. Raises ValueError if it is not sampled."""
@@ -86,8 +93,8 @@ class SensorSlots:
         slot.sample = self._faulty[name].sample
 
     def unmet(self) -> list[SensorFault]:
-        """Return the faults of sampled sensors that have acted on no sample."""
-        return [fault for sensor in self._faulty.values() for fault in sensor.unmet]
+        """Return the faults that have acted on no sample, but for declared ones of sensors that are not sampled."""
+        return [*self._unsampled, *(fault for sensor in self._faulty.values() for fault in sensor.unmet)]
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config, script = self._bench.config, self._bench.script

@@ -17,7 +17,7 @@ from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.command import CampaignProgress, campaign_problems
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.find.magnitudes import TOLERANCE
-from hil.apps.campaign.find.search import Search
+from hil.apps.campaign.find.search import Search, objective
 from hil.apps.campaign.find.shrink import Shrinking, Shrunk, way_of_failing
 from hil.apps.campaign.find.trials import Trials
 from hil.apps.campaign.flight import Outcome
@@ -88,7 +88,7 @@ def shrink_case(prefix: str, options: ShrinkOptions, console: Console) -> Shrunk
 
 
 def search_failures(path: Path, options: SearchOptions, console: Console) -> int:
-    """Look for failures of a campaign's bench. Returns the exit status: 1 if one was found. Raises HilError."""
+    """Look for failures of a campaign's bench. Returns `Search.exit_status`; raises HilError."""
     file = load_campaign(path)
     plan = Plan(file)
     if problems := campaign_problems(plan, file):
@@ -113,7 +113,7 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
                 trials.end()
                 _write_tables(out, store, plan, search, _facts(file, options, search, time.monotonic() - began_s))
     _print_search(file.name, out, search, console)
-    return search.tally.exit_status
+    return search.exit_status
 
 
 def _folder_of(prefix: str) -> Path:
@@ -148,6 +148,9 @@ def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome
     if outcome.status == "ERROR":
         text = f"{case} is an ERROR, which says nothing about the vehicle: {outcome.error_type}: {outcome.error}"
         raise ConfigError([Problem("CASE", text, "only a FAIL can be made smaller")])
+    if outcome.status == "FAIL" and objective(outcome) is None:
+        text = f"{case} says nothing about the vehicle: {outcome.reasons[0]}"
+        raise ConfigError([Problem("CASE", text, "only a FAIL of the vehicle can be made smaller")])
     if not way_of_failing(outcome):
         raise ConfigError([Problem("CASE", f"{case} is a PASS: there is no failure to make smaller")])
     difference = store.difference(case)
@@ -213,7 +216,7 @@ def _write_tables(out: Path, store: Store, plan: Plan, search: Search, facts: di
     names = sorted({limit.name for case in store.cases() for limit in case.outcome.limits})
     rows, lines = tables.csv_rows(out / tables.CSV_NAME, plan.axes, names), tables.json_lines(out / tables.LINES_NAME)
     tables.write_each(store.cases(), rows, lines)
-    ended = {"exit_status": search.tally.exit_status, "complete": search.ended, "doing": None, "stopped": None}
+    ended = {"exit_status": search.exit_status, "complete": search.ended, "doing": None, "stopped": None}
     tables.write_summary(out / tables.SUMMARY_NAME, search.tally, {**facts, **ended})
 
 
@@ -225,8 +228,11 @@ def _print_search(name: str, out: Path, search: Search, console: Console) -> Non
     worst = None if smallest is None else smallest.outcome.worst
     if smallest is not None and worst is not None and worst.margin is not None:
         console.print(f"smallest margin {worst.margin:.3f} ({worst.name}) in case {smallest.case}")
+    if search.unmet:
+        text = f"warning: {counted(len(search.unmet), 'trial')} without what was declared, such as"
+        console.print(f"{text} {search.unmet[0]}", markup=False)
     if search.first is None:
-        console.print("no failure found")
+        console.print("no trial says anything about the vehicle" if smallest is None else "no failure found")
         return
     number, trial = search.first
     console.print(f"first failure in trial {number + 1}, case {trial.case}: {trial.outcome.reasons[0]}")

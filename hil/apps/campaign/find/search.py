@@ -57,6 +57,7 @@ class Search:
         self.tried = 0
         self.ended = False  # by a failure or the number of trials
         self.tally = Tally()  # of the cases
+        self.unmet: list[str] = []  # of each trial that failed for nothing but what did not come, the first reason
         self.show: Callable[[], None] = lambda: None
 
     def run(self, trials: Trials, store: Store, *, count: int, batch: int, every: bool) -> None:
@@ -66,6 +67,13 @@ class Search:
             self._batch(trials, store, min(batch, count - self.tried))
             self.show()
         self.ended = True
+
+    @property
+    def exit_status(self) -> int:
+        """0: no failure was found; 1: one was; 3: an ERROR, or no trial says anything about the vehicle."""
+        if self.tally.errors or self.smallest is None:
+            return 3
+        return 0 if self.first is None else 1
 
     def _batch(self, trials: Trials, store: Store, size: int) -> None:
         asked = [self._ask() for _ in range(size)]
@@ -87,6 +95,8 @@ class Search:
         value = None if made is None else objective(made.outcome)
         if value is None or made is None:  # not flown, or it says nothing about the vehicle
             self._study.tell(asked, state=self._optuna.trial.TrialState.FAIL)
+            if made is not None and made.outcome.status == "FAIL":
+                self.unmet.append(made.outcome.reasons[0])
         else:
             self._study.tell(asked, value)
             if self.smallest is None or value < (objective(self.smallest.outcome) or 0.0):

@@ -78,6 +78,9 @@ class CompanionPart(Part):
         self._out_of_time = is_out_of_time(run)
         if self.link is not None:
             self.link.conclude()
+        if run.stopped_by_hand:
+            for reason in self._why_not_flown():
+                run.say("warning", reason)
 
     def close(self) -> None:
         if self.link is not None:
@@ -94,16 +97,21 @@ class CompanionPart(Part):
         config = self._bench.config
         if self.link is None:
             return Verdict()
-        missing = self.link.missing()
-        reasons = [*missing] if config.companion.on_loss == "error" else []
+        reasons = [*self.link.missing()] if config.companion.on_loss == "error" else []
+        if not self._run.stopped_by_hand:
+            reasons += self._why_not_flown()
+        return Verdict(reasons=reasons)
+
+    def _why_not_flown(self) -> list[str]:
         pilot = self._pilot
-        if pilot is not None:
-            reasons.append(why_unflown(pilot, self._bench, "companion"))
-            # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
-            if self._out_of_time and not missing:
-                how = "let it command `land` or say `finished`"
-                reasons.append(why_unlanded(pilot, self._bench, "companion", how))
-        return Verdict(reasons=[reason for reason in reasons if reason])
+        if pilot is None or self.link is None:
+            return []
+        reasons = [why_unflown(pilot, self._bench, "companion")]
+        # Without the lost client that `on_loss: go_on` allows, the vehicle hovers to the end.
+        if self._out_of_time and not self.link.missing():
+            how = "let it command `land` or say `finished`"
+            reasons.append(why_unlanded(pilot, self._bench, "companion", how))
+        return [reason for reason in reasons if reason]
 
     def run_keys(self) -> dict[str, Any]:
         return {} if self.link is None else {"companion": self.link.report()}

@@ -7,7 +7,7 @@ from typing import Any
 
 from firmware_bridge.ground_station.actions import ActionSource, Record
 from hil.config import Bench
-from hil.config.missions.script import MissionScript, flight_actions
+from hil.config.missions.script import Injected, MissionScript, flight_actions
 from hil.run.part import Part, RunContext
 from hil.run.verdict.measurements import DeclaredMeasurements, judge_script, measured_on_ground
 from hil.run.verdict.verdict import Verdict
@@ -23,17 +23,23 @@ class ScriptPart(Part):
         self._measured = DeclaredMeasurements(script.script.expect, cos_tilt=bench.vehicle.cos_tilt)
         self._actions: ActionSource | None = None
         self._run: RunContext | None = None
+        self.begun: list[tuple[Injected, bool]] = []  # faults and gusts at events, and whether they are required
 
     def build(self, run: RunContext) -> None:
         self._run = run
         config = self._bench.config
         self._actions = ActionSource(
-            flight_actions(self._script, self._bench.mission, run.inject, tick_ns=config.tick_ns),
+            flight_actions(self._script, self._bench.mission, self._inject, tick_ns=config.tick_ns),
             target_sysid=None,
             first_item=config.autopilot.profile.firmware.first_mission_item,
             on_event=run.recorder.event,
             may_begin=run.may_arm,
         )
+
+    def _inject(self, injected: Injected, required: bool) -> None:
+        assert self._run is not None
+        self._run.inject(injected)
+        self.begun.append((injected, required))
 
     def command_sources(self) -> list[ActionSource]:
         return [] if self._actions is None else [self._actions]

@@ -1,67 +1,104 @@
 """Fails a flight that did not meet a declared fault or gust: its result would pass for theirs.
 
-A run that was stopped by hand only warns of them. `unmet` of run.json has them, too, for what makes many runs.
+`unmet` of run.json has them, for what makes many runs. Only warned of are those
+
+- that a script does not require, or that someone began by hand,
+- of a sensor that nothing reads: recordings and watchers do not change a verdict,
+- that would have begun after the crash or the abort that the script expects, once another one has begun,
+- of a run that was stopped by hand.
+
+Of several vehicles, one that has met a fault or gust of all of them is enough.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+import json
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 from firmware_bridge.faults.link_fault import LinkFault
 from hil.config import Bench
-from hil.config.missions.script import SensorFault
+from hil.config.missions.script import ActionSpec, SensorFault, injected_at
 from hil.config.schema import BenchConfig
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import Verdict
 from signals.time import NS_PER_S
 
 
+class Unmet(NamedTuple):
+    """A fault or gust that a flight did not meet."""
+
+    what: Any  # as the configuration or the script has it
+    text: str
+    fails: bool
+
+
 class UnmetFaultsPart(Part):
     name = "unmet_faults"
+    _run: RunContext  # from `open` on
 
     def __init__(self, bench: Bench) -> None:
-        self._config = bench.config
+        self._bench = bench
+        self._declared = [what for what, _, _ in _instants(bench.config)]  # also by the script, at a time
+        self._own = list(self._declared)  # of the bench
         actions = () if bench.script is None else bench.script.script.actions
-        timed = [spec for spec in actions if spec.in_settings]  # merged into the bench's own
-        self._judged_by_script = {spec.at_s for spec in timed}
-        self._not_required = {spec.at_s for spec in timed if not spec.required}
-        waiting = [spec.fault for spec in actions if spec.fault and spec.required and not spec.in_settings]
-        self._at_events = {(fault.get("sensor"), fault.get("kind")) for fault in waiting}
+        timed = [(_declared_by(spec), spec.required) for spec in actions if spec.in_settings]
+        for what, _ in timed:
+            if what in self._own:
+                self._own.remove(what)
+        self._required = [*self._own, *(what for what, required in timed if required)]
         self._unmet: list[str] = []
         self._reasons: list[str] = []
 
+    def open(self, run: RunContext) -> None:
+        self._run = run
+
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
-
-        def tell(text: str, *, fails: bool) -> None:
+        others = [part for other in run.fleet if other is not run and (part := other.part(self.name)) is not None]
+        for what, text, fails in self._found():
+            if any(part.has_met(what) for part in others):
+                continue
             self._unmet.append(text)
             if fails and not run.stopped_by_hand:
                 self._reasons.append(text)
             else:
                 run.say("warning", text)
 
+    def has_met(self, what: Any) -> bool:
+        """Return True if the bench of this vehicle declares a fault or gust, too, and its flight has met it."""
+        return what in self._declared and what not in [unmet.what for unmet in self._found()]
+
+    def _found(self) -> Iterator[Unmet]:
+        """Yield what the flight did not meet."""
+        run, config = self._run, self._bench.config
         end_s = run.now_ns() / NS_PER_S
-        for what, at_s in _instants(self._config):
-            if at_s >= end_s:
-                text = f"{what} at {at_s:g} s never began: the flight ended at {end_s:g} s"
-                tell(text, fails=at_s not in self._judged_by_script)
-        sensors = {slot.port for slot in run.sensors.slots}
-        unread = [fault for fault in self._config.faults.sensors if fault.sensor not in sensors]
-        for fault in (*unread, *run.sensors.unmet()):
+        script = run.part("script")
+        at_events = [] if script is None else script.begun
+        required = [*self._required, *(what for what, needed in at_events if needed)]
+        begun = bool(at_events) or any(at_s < end_s for _, _, at_s in _instants(config))
+        ends_early = self._bench.outcome in ("crashed", "aborted") and begun
+        for what, name, at_s in _instants(config):
+            if at_s >= end_s:  # of those of a script, its own part judges
+                text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
+                yield Unmet(what, text, what in self._own and not ends_early)
+        sampled, read = {slot.port for slot in run.sensors.slots}, self._read_sensors()
+        unsampled = [fault for fault in config.faults.sensors if fault.sensor not in sampled]
+        for fault in (*unsampled, *run.sensors.unmet()):
             if fault.at_s < end_s:
-                what = "it was not sampled: nothing reads it" if fault in unread else "no sample fell into its time"
-                text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {what}"
-                begun = (fault.sensor, fault.kind) in self._at_events
-                tell(text, fails=begun or self._is_required(fault, self._config.faults.sensors))
+                missed = "no sample fell into its time"
+                why = missed if fault.sensor in sampled else "it was not sampled: nothing reads it"
+                text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
+                yield Unmet(fault, text, fault in required and fault.sensor in read)
         for fault in run.part("faults").unmet:
             if fault.at_s < end_s:
                 text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed"
-                tell(text, fails=self._is_required(fault, self._config.faults.links))
+                yield Unmet(fault, text, fault in required)
 
-    def _is_required(self, fault: SensorFault | LinkFault, declared: Sequence[SensorFault | LinkFault]) -> bool:
-        """Return True for a fault that the bench declares, or its script at a time, and not for one begun by hand."""
-        return fault in declared and fault.at_s not in self._not_required
+    def _read_sensors(self) -> set[str]:
+        """Return the sensors that the autopilot or a companion reads, whatever is recorded or watched."""
+        ports = frozenset[str]().union(*(part.ports() for part in self._run.parts))
+        return {*self._bench.config.autopilot_sensors().values(), *(port.partition("/")[0] for port in ports)}
 
     def verdict(self) -> Verdict:
         return Verdict(reasons=self._reasons)
@@ -70,21 +107,32 @@ class UnmetFaultsPart(Part):
         return {"unmet": self._unmet} if self._unmet else {}
 
 
-def _instants(config: BenchConfig) -> Iterator[tuple[str, float]]:
-    """Yield each declared fault and gust with the time at which it begins [s]."""
+def _instants(config: BenchConfig) -> Iterator[tuple[Any, str, float]]:
+    """Yield each declared fault and gust, its name, and the time at which it begins [s]."""
     for rotor in config.faults.rotors:
-        yield f"fault of rotor {rotor.rotor}: {rotor.kind}", rotor.at_s
+        yield rotor, f"fault of rotor {rotor.rotor}: {rotor.kind}", rotor.at_s
     for surface in config.faults.surfaces:
-        yield f"fault of surface {surface.surface}: {surface.kind}", surface.at_s
+        yield surface, f"fault of surface {surface.surface}: {surface.kind}", surface.at_s
     for sensor in config.faults.sensors:
-        yield _of_sensor(sensor), sensor.at_s
+        yield sensor, _of_sensor(sensor), sensor.at_s
     for link in config.faults.links:
-        yield _of_link(link), link.at_s
+        yield link, _of_link(link), link.at_s
     for key, at_s in config.autopilot.faults:
         if at_s is not None:
-            yield f"fault of the autopilot: {key.removesuffix('_at_s')}", at_s
+            yield (key, at_s), f"fault of the autopilot: {key.removesuffix('_at_s')}", at_s
     for gust in () if config.wind is None else config.wind.gusts:
-        yield "gust", gust.at_s
+        yield gust, "gust", gust.at_s
+
+
+def _declared_by(spec: ActionSpec) -> Any:
+    """Return what an action at a time has put into the configuration, as `_instants` yields it."""
+    fault, at_s = spec.fault or {}, spec.at_s
+    assert at_s is not None
+    if "autopilot" in fault:
+        return f"{fault['autopilot']}_at_s", at_s
+    if "link" in fault:
+        return LinkFault.model_validate_json(json.dumps({**fault["link"], "at_s": at_s}))  # strict: a list is no tuple
+    return injected_at(spec, at_s)
 
 
 def _of_sensor(fault: SensorFault) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from hil.config import load_bench
@@ -33,3 +35,12 @@ def test_a_gust_without_speed_is_told() -> None:
 
     assert notes("0") == ["wind.gusts[1]: a gust of 0 m/s changes nothing"]
     assert notes("-1") == []
+
+
+def test_a_neutral_fault_of_a_script_at_an_event_is_told_with_its_line(tmp_path: Path) -> None:
+    """Only those at a time were, which become settings of the bench."""
+    action = "  - {after: takeoff, fault: {rotor: 1, kind: efficiency, factor: %s}}\n"
+    (tmp_path / "script.yaml").write_text("actions:\n" + action % 0.9 + action % 1)
+    bench = load_bench(mission=str(tmp_path / "script.yaml"))
+    (note,) = [note for note in flight_notes(bench) if "changes nothing" in note]
+    assert note.endswith("script.yaml:3: efficiency with factor 1 changes nothing")

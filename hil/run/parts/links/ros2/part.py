@@ -51,7 +51,7 @@ class Ros2Part(Part):
         self._awaited: list[Any] = []  # publishers whose subscribers are waited for
         self._selected: set[str] = set()
         self._pilot: OffboardPilot | None = None
-        self._out_of_time = False
+        self._reasons: list[str] = []
         self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
         self._commands: Any = None  # services; with `control`
         self._others: Any = None  # the endpoints of other nodes
@@ -194,17 +194,21 @@ class Ros2Part(Part):
         record_texts(run.recorder, list(self.texts()))
 
     def conclude(self, run: RunContext) -> None:
-        self._out_of_time = is_out_of_time(run)
-
-    def verdict(self) -> Verdict:
-        """Return FAIL for nodes in control that never flew, or never landed without a mission, goal or search."""
+        """Tell of nodes in control that never flew, or never landed without a mission, goal or search."""
         pilot = self._pilot
         if pilot is None:
-            return Verdict()
+            return
         reasons = [why_unflown(pilot, self._bench, "ROS 2 node")]
-        if self._out_of_time:
+        if is_out_of_time(run):
             reasons.append(why_unlanded(pilot, self._bench, "ROS 2 node", "let it send /cmd_land"))
-        return Verdict(reasons=[reason for reason in reasons if reason])
+        for reason in filter(None, reasons):
+            if run.stopped_by_hand:  # before they came, perhaps
+                run.say("warning", reason)
+            else:
+                self._reasons.append(reason)
+
+    def verdict(self) -> Verdict:
+        return Verdict(reasons=self._reasons)
 
     def repeatable(self) -> bool:
         return self._set_points == 0 and (self._commands is None or self._commands.requested == 0)

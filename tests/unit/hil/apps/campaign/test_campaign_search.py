@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from dataclasses import replace
@@ -20,7 +21,7 @@ from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.store import Store
 from hil.config import Bench
 from signals.errors import ConfigError, HilError
-from tests.worlds.oracle_engine import OracleEngine, failure
+from tests.worlds.oracle_engine import PASS, OracleEngine, failure
 
 SPEC = """
 settings: {wind: {steady_W_mps: [0, 0, 0]}}
@@ -129,6 +130,23 @@ def test_objective() -> None:
     late = replace(outcome("FAIL", 0.5), reasons=("the gust never began",), unmet=("the gust never began",))
     assert objective(late) is None
     assert objective(replace(late, reasons=("crashed", *late.reasons))) == float("-inf")
+
+
+@needs_optuna
+@pytest.mark.parametrize("always", [True, False])
+def test_trials_that_did_not_meet_what_they_declare_are_no_failure(
+    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, always: bool
+) -> None:
+    """It said "no failure found", and ended with status 1."""
+    late = Outcome("FAIL", ("the gust never began",), unmet=("the gust never began",), digest="l", repeatable=True)
+    engine = OracleEngine(lambda bench: late if always or bench.config.faults.sensors else PASS, 2)
+    monkeypatch.setattr(command, "LocalEngine", lambda *_, **__: engine)
+    said = io.StringIO()
+    out = tmp_path / "out"
+    status = search_failures(spec, SearchOptions(out=out, quiet=True, trials=16), Console(file=said, width=300))
+    assert status == json.loads((out / "campaign.json").read_text())["exit_status"] == (3 if always else 0)
+    assert "trials without what was declared, such as the gust never began" in said.getvalue()
+    assert said.getvalue().endswith(f"{'no trial says anything about the vehicle' if always else 'no failure found'}\n")
 
 
 @needs_optuna

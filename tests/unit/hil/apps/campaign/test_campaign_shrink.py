@@ -181,11 +181,12 @@ def test_ways_of_failing(one: str, two: str, same: bool) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return the folder of a campaign with a PASS, an ERROR, a FLAKE and a failure that does not repeat."""
+    """Return the folder of a campaign with a PASS, an ERROR, an unmet fault, a FLAKE and a failure of no repeat."""
     with Store(tmp_path) as store:
         store.begin_plan(None, BASE)
         store.put("aa01", PASS, CASE)
         store.put("aa02", Outcome("ERROR", error_type="LockstepLost", error="no answer"), CASE)
+        store.put("aa03", replace(failure(), reasons=("late",), unmet=("late",)), CASE)
         store.put("bb03", failure(), CASE)
         store.put_check("bb03", "00", "tick 5: imu")
         store.put("cc04", replace(failure(), reasons=("reached 0 of 4 waypoints",)), (*BASE, "duration_s=60"))
@@ -197,8 +198,9 @@ def folder(tmp_path: Path) -> Path:
     [
         ("aa01", "is a PASS: there is no failure"),
         ("aa02", "is an ERROR, which says nothing about the vehicle: LockstepLost: no answer"),
+        ("aa03", "aa03 says nothing about the vehicle: late"),
         ("bb", "is a FLAKE, it does not repeat: tick 5: imu"),
-        ("aa", "begins 2 cases: aa01, aa02"),
+        ("aa", "begins 3 cases: aa01, aa02, aa03"),
         ("zz", "is not a case"),
         ("cc04", "does not repeat: it was stored as 'reached 0 of 4 waypoints', and is now PASS"),
     ],

@@ -22,6 +22,7 @@ from rich.console import Console
 from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain, own_sockets
 from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
@@ -363,6 +364,23 @@ def test_a_frame_that_is_no_text_is_refused_and_the_run_goes_on(tmp_path: Path, 
     assert result.run["deterministic"]
     (reason,) = result.run["verdict"]["reasons"]
     assert reason.startswith("no ROS 2 node in control ever flew: the flight ended in the phase ")
+
+
+class Stop(Part):
+    """Presses Ctrl-C in tick 40."""
+
+    name = "stop"
+
+    def after_tick(self, tick: int) -> None:
+        if tick == 40:
+            raise KeyboardInterrupt("stopped by SIGTERM")
+
+
+def test_a_run_that_is_stopped_before_a_node_flew_is_no_failure(tmp_path: Path, domain: int) -> None:
+    bench = bench_of(tmp_path, f"{{domain: {domain}, control: true}}", duration=60.0)
+    result = run_bench(bench, tmp_path / "run", quiet=True, more=[Stop()])
+    assert (result.status, result.exit_status) == ("PASS", 0)
+    assert any(row["text"].startswith("no ROS 2 node in control ever flew") for row in result.run["warnings"])
 
 
 def test_vehicles_cannot_have_one_domain_on_two_interfaces(other: ros2.Node, domain: int) -> None:

@@ -1,0 +1,127 @@
+"""Faults and gusts that a flight did not meet: which fail it, and which are only warned of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
+
+BENCH = """
+rig: mock
+mission: %s
+autopilot: {transport: loopback}
+record: {mcap: false, tlog: false, report: false}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  spare: {preset: here_plus, kind: gps, rate_hz: 5, autopilot: false}
+"""
+# A hover of a few seconds by modes alone.
+HOP = """
+actions:
+  - {at_s: 3, param: {MIS_TAKEOFF_ALT: 3.0}}
+  - {at_s: 4.4, set_mode: TAKEOFF}
+  - {at_s: 4.5, arm: true}
+  - {after: takeoff, delay_s: 6, set_mode: LAND, required: false}
+"""
+GUST = "{at_s: %g, velocity_W_mps: [1, 0, 0], rise_s: 0.1, hold_s: 0.1, fall_s: 0.1}"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def fly(more: str, script: str = "", settings: tuple[str, ...] = ()) -> RunResult:
+    Path("flight.yaml").write_text(HOP + script)
+    Path("bench.yaml").write_text(BENCH % ("flight.yaml" if script else "null") + more)
+    return run_bench(load_bench("bench.yaml", settings=settings), Path("out"), quiet=True)
+
+
+def reasons(result: RunResult) -> list[str]:
+    return list(result.run["verdict"]["reasons"])
+
+
+ROTOR, STALL = "{rotor: 0, kind: efficiency, factor: 0.9, at_s: 400}", "{kind: stall, at_s: 400, for_s: 1}"
+
+
+@pytest.mark.parametrize(
+    ("faults", "action", "name"),
+    [
+        (f"rotors: [{ROTOR}]", "gust: {speed_mps: 3, direction_deg: 10, for_s: 1}", "rotor 0: efficiency"),
+        (f"rotors: [{ROTOR}]", "fault: {rotor: 1, kind: efficiency, factor: 0.9}", "rotor 0: efficiency"),
+        (f"links: [{STALL}]", "fault: {link: {kind: drop, rate: 0.1, messages: [HEARTBEAT]}}", "the link: stall"),
+        ("sensors: [{sensor: gps, kind: dropout, at_s: 400}]", "fault: {autopilot: noise}", "gps: dropout"),
+        ("sensors: [{sensor: gps, kind: dropout, at_s: 400}]", "fault: {sensor: gps, kind: freeze}", "gps: dropout"),
+    ],
+)
+def test_an_action_of_the_script_excuses_no_fault_of_the_bench_at_its_time(faults: str, action: str, name: str) -> None:
+    """The time alone told them apart: the fault was taken for the script's, which is not required."""
+    result = fly(f"faults: {{{faults}}}\n", f"  - {{at_s: 400, required: false, {action}}}\n")
+    (reason,) = reasons(result)
+    assert reason.startswith(f"fault of {name} at 400 s never began: ")
+    assert len(result.run["unmet"]) == 2
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_an_action_is_required_or_not_whatever_another_one_with_its_fault_is(required: bool) -> None:
+    """Sensor and kind alone told them apart."""
+    text = "  - {after: takeoff, delay_s: %s, required: %s, fault: {sensor: gps, kind: dropout, for_s: %s}}\n"
+    needed, other = str(required).lower(), str(not required).lower()
+    result = fly("", text % (1, other, 0.5) + text % (4.002, needed, 0.001))
+    (told,) = result.run["unmet"]
+    assert reasons(result) == ([told] if required else [])
+
+
+def test_what_an_expected_crash_prevents_is_warned_of_but_not_without_a_cause() -> None:
+    stuck, late = "  - {at_s: 7, fault: {rotor: 0, kind: stuck}}\n", f"wind: {{gusts: [{GUST % 50}]}}\n"
+    result = fly(late, stuck + "outcome: crashed\n")
+    assert (result.status, len(result.run["unmet"])) == ("PASS", 1)
+    assert result.run["unmet"][0] in [row["text"] for row in result.run["warnings"]]
+    early = fly(late, "outcome: aborted\n")
+    assert reasons(early) == early.run["unmet"], "nothing that was declared had begun"
+
+
+@pytest.mark.parametrize(
+    ("gust_s", "own", "unmet"),
+    [
+        (27, "{}", []),
+        (
+            27,
+            "{faults: {rotors: [{rotor: 0, kind: efficiency, factor: 0.99, at_s: 27}]}}",
+            ["a: fault of rotor 0: efficiency at 27 s"],
+        ),
+        (50, "{}", ["a: gust at 50 s", "b: gust at 50 s"]),
+    ],
+)
+def test_of_several_vehicles_one_that_met_it_is_enough(gust_s: float, own: str, unmet: list[str]) -> None:
+    """A vehicle that was down before the common gust failed the flight of all."""
+    Path("long.yaml").write_text(HOP.replace("delay_s: 6", "delay_s: 12"))
+    vehicles = f"vehicles: {{a: {own}, b: {{start: {{p_W: [9, 0, 0]}}, mission: long.yaml}}}}\n"
+    result = fly(f"wind: {{gusts: [{GUST % gust_s}]}}\n{vehicles}", "expect: []\n")
+    ends_s = [vehicle["sim_s"] for vehicle in result.run["vehicles"].values()]
+    assert ends_s[0] < 27 < ends_s[1]
+    assert [text.partition(" never began: ")[0] for text in reasons(result)] == unmet
+
+
+@pytest.mark.parametrize("mcap", ["true", "false"])
+@pytest.mark.parametrize("until_s", ["null", "5.001"])
+def test_what_is_recorded_does_not_change_the_verdict(mcap: str, until_s: str) -> None:
+    """The fault of a sensor that only the recording reads failed the flight without one, or with one."""
+    fault = f"faults: {{sensors: [{{sensor: spare, kind: dropout, at_s: 5.0005, until_s: {until_s}}}]}}\n"
+    result = fly(fault, "expect: []\n", (f"record.mcap={mcap}",))
+    assert result.status == "PASS"
+    assert ("unmet" in result.run) == (mcap == "false" or until_s != "null")
+
+
+def test_a_fault_at_an_event_of_a_sensor_that_nothing_reads_is_no_error() -> None:
+    """Without a recording it was a KeyError."""
+    result = fly("", "  - {after: takeoff, delay_s: 1, fault: {sensor: spare, kind: dropout}}\n")
+    assert result.status == "PASS", result.run
+    (told,) = result.run["unmet"]
+    assert told.endswith(" s had no effect: it was not sampled: nothing reads it")
