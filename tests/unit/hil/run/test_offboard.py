@@ -1,4 +1,4 @@
-"""What ends a flight by set-points well: something of the bench judges its end, or the vehicle has landed."""
+"""Ends of flights by set-points: something of the bench judges them, or the vehicle has landed."""
 
 from __future__ import annotations
 
