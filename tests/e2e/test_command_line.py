@@ -120,7 +120,7 @@ def test_a_defect_after_a_signal_is_told() -> None:
 
 BACKGROUND_CAMPAIGN = """
 bench: null
-settings: {mission: null, autopilot: {transport: loopback}, duration_s: 0.1}
+settings: {autopilot: {transport: loopback}, duration_s: 0.1, record: {report: false}}
 axes: {seed: {first: 1, count: 100000}}
 """
 
