@@ -40,9 +40,8 @@ def why_unflown(pilot: OffboardPilot, bench: Bench, who: str) -> str:
     """Return how `who` left the vehicle on the ground; "": it flew, or a goal or a script judges that."""
     if pilot.phase not in _ON_THE_GROUND or bench.config.goal is not None or bench.script is not None:
         return ""
-    why = (
-        "; they sent no desired state that moves the vehicle" if pilot.ready and pilot.phase is not Phase.ARMING else ""
-    )
+    waits = pilot.ready and pilot.phase is not Phase.ARMING
+    why = "; they sent no desired state that moves the vehicle" if waits else ""
     return f"no {who} in control ever flew: the flight ended in the phase {pilot.phase.value}{why}"
 
 

@@ -113,10 +113,11 @@ def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> N
         return
     read = {Path(os.path.realpath(path)) for path in kept}
     for folder in (out, *(out / name for name in vehicles)):
-        for file in (Path(os.path.realpath(folder / name)) for name in (_REPORT, *_RECORDINGS)):
-            if not read & {file, file.parent}:
+        for name in (_REPORT, *_RECORDINGS):
+            real = Path(os.path.realpath(folder / name))
+            if not read & {real, real.parent}:
                 with contextlib.suppress(OSError):
-                    file.unlink(missing_ok=True)
+                    (folder / name).unlink(missing_ok=True)  # never what a link leads to
 
 
 def _is_of_a_run(folder: Path) -> bool:

@@ -92,7 +92,7 @@ class CompanionPart(Part):
     def verdict(self) -> Verdict:
         """Return FAIL for a flight without its companions: one was lost for good, or the one in control never flew.
 
-        So does one that never landed, where no mission says where the flight ends and no goal judges its end.
+        So does one that never landed, where no mission, goal or search says how the flight ends.
         """
         config = self._bench.config
         if self.link is None:

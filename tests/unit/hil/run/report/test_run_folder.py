@@ -110,6 +110,17 @@ def test_what_belongs_to_no_earlier_run_or_is_read_is_not_removed(tmp_path: Path
     assert left(tmp_path / "folder", "run.json", kept=[str(tmp_path / "folder")]) == names
 
 
+def test_what_a_link_of_an_earlier_run_leads_to_is_not_removed(tmp_path: Path) -> None:
+    out, log = tmp_path / "out", tmp_path / "mine.mcap"
+    out.mkdir()
+    log.write_text("mine")
+    (out / "run.json").write_text("{}")
+    (out / "run.mcap").symlink_to(log)
+    remove_earlier(out, (), ())
+    assert not (out / "run.mcap").is_symlink()
+    assert log.read_text() == "mine"
+
+
 def test_a_run_that_never_began_leaves_no_report_of_an_earlier_one(tmp_path: Path) -> None:
     for name in ("run.json", "report.html", "run.mcap"):
         (tmp_path / name).write_text("{}")
