@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from hil.run_files import RUN_JSON_NAME, TLOG_NAME
+
 HEALTH = {
     "crc_errors": "MAVLink frames with a wrong checksum",
     "garbage": "bytes that belong to no frame",
@@ -81,7 +83,7 @@ class Run:
     def vehicles(self) -> dict[str, Run]:
         """The flights of the vehicles by name; empty for a bench without the section `vehicles`."""
         folders = {name: self.out / vehicle["folder"] for name, vehicle in self.json.get("vehicles", {}).items()}
-        return {name: Run(json.loads((out / "run.json").read_text()), out) for name, out in folders.items()}
+        return {name: Run(json.loads((out / RUN_JSON_NAME).read_text()), out) for name, out in folders.items()}
 
     def __getattr__(self, name: str) -> Any:
         """Return a measurement or an entry of run.json's mission, such as `run.max_cross_track_m` or `run.completed`.
@@ -130,7 +132,7 @@ def health(run: Run) -> dict[str, int]:
         "garbage": link.get("garbage_bytes", 0),
         "lost_frames": link.get("lost_frames", 0),
         "late": run.json["autopilot"]["late"] + timing.get("paced_ticks_late", 0),
-        "estimator_reset": _estimator_resets(run.out / "flight.tlog"),
+        "estimator_reset": _estimator_resets(run.out / TLOG_NAME),
         **own,
     }
 

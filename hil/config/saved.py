@@ -9,6 +9,7 @@ from typing import Any
 from hil.config.bench import Bench
 from hil.config.scenes import save_scene
 from hil.config.schema import BenchConfig
+from hil.run_files import BENCH_NAME
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 
 
@@ -57,7 +58,7 @@ def save_bench(bench: Bench, folder: Path, *, scene: str | None = None) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     names: dict[str, Any] = {}
     if bench.vehicles:
-        names |= {"vehicles": {name: f"{name}/bench.yaml" for name in bench.vehicles}, "count": None}
+        names |= {"vehicles": {name: f"{name}/{BENCH_NAME}" for name in bench.vehicles}, "count": None}
     if scene is not None:
         names["scene"] = scene
     elif "scene" in bench.files:
@@ -69,7 +70,7 @@ def save_bench(bench: Bench, folder: Path, *, scene: str | None = None) -> Path:
             (folder / names[kind]).write_bytes(source.read_bytes())
     if "plan" in bench.files:  # a script finds its plan by name beside itself
         (folder / bench.files["plan"].name).write_bytes(bench.files["plan"].read_bytes())
-    path = folder / "bench.yaml"
+    path = folder / BENCH_NAME
     text = resolved_yaml(bench.config.model_copy(update=names))
     temporary = path.with_suffix(".part")
     temporary.write_text(text, encoding="utf-8")

@@ -18,6 +18,7 @@ from hil.gym.options import FlightOptions
 from hil.gym.ports import Ports
 from hil.run.recorder.mcap.mcap_file import SafeFile, open_unbuffered
 from hil.run.recorder.mcap.mcap_sink import McapRecording, McapSink
+from hil.run_files import BENCH_NAME
 from signals.errors import RecordingError
 from signals.samples import Sample, ScalarSample, TruthState
 
@@ -90,7 +91,7 @@ class _Episode:
             SafeFile(path, open_unbuffered),
             tick_ns=config.tick_ns,
             metadata={"rig": config.rig, "scene": flight.bench.scene.name, "seed": str(flight.seed)},
-            attachments={"bench.yaml": resolved_yaml(config).encode()},
+            attachments={BENCH_NAME: resolved_yaml(config).encode()},
         )
         self._sink = McapSink(self._recording.mcap, tick_ns=config.tick_ns)
         self._tick, self._steps = flight.truth.tick, 0

@@ -22,12 +22,11 @@ from firmware_bridge.codecs.messages import NAME, unpack
 from hil.config import Bench
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.replayed_verdict import carry_verdict
+from hil.run_files import BENCH_NAME, MCAP_NAME, RUN_JSON_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
-CONFIG_NAME = "bench.yaml"
 _IGNORED = "/events"  # end of a topic: notes for people: they may name paths or wall-clock times
 _MAVLINK = "hil_msgs/MavlinkFrame"
 _BYTES_SHOWN = 64  # longer fields of bytes are shown by their first difference
@@ -137,7 +136,7 @@ def run_files(run_dir: Path, use: str, whole: str) -> tuple[Path, Path]:
             else "name the folder of a run, such as runs/latest"
         )
         raise ConfigError([Problem(str(run_dir), fault, hint)])
-    config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
+    config, recorded = run_dir / BENCH_NAME, run_dir / MCAP_NAME
     is_vehicle = (run_dir.parent / MCAP_NAME).is_file()
     hint = whole.format(run=run_dir.parent, vehicle=run_dir.name) if is_vehicle else "was record.mcap off?"
     for path, remedy in ((recorded, hint), (config, "its resolved configuration")):
@@ -176,7 +175,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
 def _refuse_not_repeatable(run_dir: Path) -> None:
     """Raise RecordingError for a run that had inputs which neither its configuration nor its trace contains."""
     try:
-        run = json.loads((run_dir / "run.json").read_text())
+        run = json.loads((run_dir / RUN_JSON_NAME).read_text())
     except (OSError, ValueError):
         return  # a killed run has none; the comparison finds any difference
     if not isinstance(run, dict):

@@ -13,9 +13,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from hil.run.report.page import PAGE_NAME, amend_page
+from hil.run.report.page import amend_page
 from hil.run.report.run_json import write_run_json
-from hil.run.runs.run_file import RUN_JSON_NAME
+from hil.run_files import PAGE_NAME, RUN_JSON_NAME
 from signals.errors import RecordingError
 
 _NOT_REPEATED = "in the run that this one replays, and not repeated"

@@ -18,8 +18,8 @@ from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.reading_frames import radar_frame
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.replay import replay
+from hil.run_files import MCAP_NAME
 from sim.scene.maps.walk_path import there_and_back
 
 # The vehicle stays on the ground; a mast carries camera and radar 1.8 m up. The person walks away from 1 m on.

@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
-from hil.run.recorder.recorder import TLOG_NAME
+from hil.run_files import TLOG_NAME
 from tests.worlds.bench_process import BenchProcess, free_port
 from tests.worlds.patience import PATIENCE_S, until
 

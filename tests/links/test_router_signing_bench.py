@@ -10,7 +10,7 @@ from pymavlink import mavutil
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.signing import SigningKey, is_signed, matches
-from hil.run.recorder.recorder import TLOG_NAME
+from hil.run_files import TLOG_NAME
 from tests.worlds.bench_process import BenchProcess, free_port
 from tests.worlds.patience import until
 

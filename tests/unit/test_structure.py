@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from hil import run_files
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "lab", "rigs", "tools")
 MOST_PARAMETERS = 8
@@ -55,6 +57,13 @@ def test_a_function_with_too_many_parameters_is_seen_before_parsing() -> None:
     for between in (", ", ",\n    ", ": int = 0, ", ": Callable[[], None],  # why\n    "):
         assert may_have_too_many(f"def f({between.join(names)}) -> None:\n    pass\n")
     assert not may_have_too_many(f"def f({', '.join(names[:-1])}) -> None:\n    pass\n")
+
+
+def test_names_of_a_runs_files_stand_once() -> None:
+    names = [value for name, value in vars(run_files).items() if name.endswith("_NAME")]
+    files = [path for package in ("hil", "lab") for path in (ROOT / package).rglob("*.py")]
+    spelt = [path.name for path in files for name in names if f'"{name}"' in path.read_text()]
+    assert spelt == ["run_files.py"] * len(names)
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -28,9 +28,8 @@ from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.stop_rule import stop_reason
 from hil.apps.campaign.store import Store
 from hil.config import Bench, load_bench
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.replay import compare
-from hil.run.runs.run_file import RUN_JSON_NAME
+from hil.run_files import MCAP_NAME, RUN_JSON_NAME
 from signals.errors import ConfigError, RecordingError
 
 RECORDED_FIRST = 1000  # first flights whose recordings (some MB each) wait for the second; later ones have only digests

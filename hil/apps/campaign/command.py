@@ -23,9 +23,9 @@ from hil.cluster.join import uses_ray
 from hil.cluster.waiting import said_on
 from hil.config import load_bench
 from hil.config.vehicles.checks import is_flown
-from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
 from hil.run.runs.progress import CountProgress, minutes
+from hil.run_files import PAGE_NAME
 from signals.errors import ConfigError, Problem
 from signals.processors import usable_processors
 from signals.words import counted

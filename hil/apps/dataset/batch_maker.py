@@ -31,13 +31,13 @@ from hil.apps.dataset.formats.radar_npy import npy
 from hil.apps.dataset.moments import Batch, DueSample, Moment, Taken
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
-from hil.apps.dataset.storage.manifest import BENCH_NAME
 from hil.apps.dataset.storage.recording import EncodedFrames, is_complete, pack_frames
 from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written
 from hil.config import load_bench
 from hil.data_set_files import ANNOTATIONS, CLASS_MASKS, IMAGES
 from hil.run.sensors.frame_stages import description
 from hil.run.sensors.simulated_sensors import SimulatedSensors
+from hil.run_files import BENCH_NAME
 from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from sim.frame.source import SharedFrames

@@ -33,12 +33,12 @@ from hil.apps.dataset.storage.tree import (
     CHECKSUMS,
     JOURNAL,
     PREVIEW,
-    RECORDING,
     WORK,
     TreeWriter,
     Written,
 )
 from hil.data_set_files import IMAGE_SETS, IMAGES, MANIFEST
+from hil.run_files import MCAP_NAME
 from signals.channels import CHANNELS
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
@@ -322,7 +322,7 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
         "Annotations, ImageSets, JPEGImages, SegmentationClass": "Pascal VOC; the pictures are PNGs",
         f"{ANNOTATIONS}/instances_*.json": "COCO with masks: train, val, test, all",
         SPLIT_NAME: "the set of each frame",
-        RECORDING: "the whole run as MCAP, ROS 2 messages; pictures are the PNG files' own bytes",
+        MCAP_NAME: "the whole run as MCAP, ROS 2 messages; pictures are the PNG files' own bytes",
         CHECKSUMS: "size and CRC-32 of every file but the recording and the journal",
         MANIFEST: "provenance and counts",
         JOURNAL: "finished batches, read by `--resume`",

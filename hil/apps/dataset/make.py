@@ -23,7 +23,6 @@ from hil.apps.dataset.pipeline import Pipeline
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.layout import sensor_files
 from hil.apps.dataset.storage.manifest import (
-    BENCH_NAME,
     check_resumable,
     initial_manifest,
     provenance,
@@ -35,6 +34,7 @@ from hil.apps.dataset.storage.store import DatasetStore, MakeCheckpoints
 from hil.apps.dataset.storage.tables import Checkpoints
 from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
 from hil.run.runs.progress import CountProgress, minutes
+from hil.run_files import BENCH_NAME
 from signals.classes import Classes
 from signals.errors import Problem
 from signals.processors import usable_processors

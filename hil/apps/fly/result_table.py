@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.run_files import PAGE_NAME, RUN_JSON_NAME
+
 _WARNINGS_SHOWN = 12  # different ones
 
 
@@ -51,7 +53,7 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
     console.print(table, markup=False)
     # Unbroken lines, so that they can be copied, compared and searched for.
     console.print(f"digest   {run['digest']}{digest_note}", markup=False)
-    names = ", ".join(name for name in ("report.html", "run.json") if (folder / name).exists())
+    names = ", ".join(name for name in (PAGE_NAME, RUN_JSON_NAME) if (folder / name).exists())
     console.print(f"results  {folder}/  ({names}; {took_s:.1f} s in all)", markup=False)
 
 

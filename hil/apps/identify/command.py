@@ -24,6 +24,7 @@ from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.report.run_folder import locked_folder
 from hil.run.report.run_json import run_json_text
 from hil.run.runs.progress import CountProgress
+from hil.run_files import MCAP_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 from sim.physics.vehicle import Vehicle, load_vehicle
 
@@ -200,7 +201,7 @@ def _write(found: Identified, prepared: Prepared, options: IdentifyOptions, fixe
     from hil.apps.identify.result_page import write_page
 
     out, fit = found.folder, found.fit
-    names = [log.source.name if log.source.name != "run.mcap" else f"{log.name}/run.mcap" for log in prepared.whole]
+    names = [log.source.name if log.source.name != MCAP_NAME else f"{log.name}/{MCAP_NAME}" for log in prepared.whole]
     try:
         with _replaced(out / "vehicle.yaml") as path:
             text = vehicle_text(fit, began_with=Path(options.vehicle).name, logs=names, fixed=fixed)

@@ -14,7 +14,8 @@ from hil.apps.identify.fit_result import Estimated, Fit, Prediction, Residual
 from hil.apps.identify.judgement import QUANTITIES, mean_by_horizon
 from hil.apps.identify.preparation import Prepared
 from hil.run.report.html import table, text
-from hil.run.report.page import CSS, PAGE_NAME
+from hil.run.report.page import CSS
+from hil.run_files import PAGE_NAME
 
 
 def write_page(

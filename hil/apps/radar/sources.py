@@ -25,7 +25,7 @@ from hil.config.sensors.preset_values import find_preset, merge_keys
 from hil.config.sensors.radar_checks import view_of
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
-from hil.run.recorder.recorder import MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME
 from signals.documents.validate import nearest, validate
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
@@ -170,11 +170,11 @@ def _open_raw(
 
 def _section(recording: Recording, name: str) -> Mapping[str, Any] | None:
     """Return the section of a sensor in the bench file attached to the recording or of its vehicle, if there is one."""
-    text = recording.scan().attachments.get("bench.yaml", b"{}")
+    text = recording.scan().attachments.get(BENCH_NAME, b"{}")
     if recording.vehicle:
-        file = recording.path.parent / recording.vehicle / "bench.yaml"
+        file = recording.path.parent / recording.vehicle / BENCH_NAME
         text = file.read_bytes() if file.is_file() else b"{}"
-    data = parse_yaml(text.decode(errors="replace"), "bench.yaml").data
+    data = parse_yaml(text.decode(errors="replace"), BENCH_NAME).data
     section = data.get("sensors", {}).get(name) if isinstance(data, dict) else None
     return section if isinstance(section, dict) else None
 
@@ -183,7 +183,7 @@ def _open_pictures(
     recording: Recording, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
 ) -> Source:
     path = recording.path
-    bench_file = path.parent / recording.vehicle / "bench.yaml"
+    bench_file = path.parent / recording.vehicle / BENCH_NAME
     cameras = _cameras(topics)
     if not cameras or not bench_file.is_file():
         hint = f"record a radar's raw data, or a camera with the channels {', '.join(_NEEDED)}"

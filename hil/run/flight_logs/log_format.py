@@ -16,6 +16,7 @@ from pkgutil import iter_modules
 
 from hil.run.flight_logs import formats as modules
 from hil.run.flight_logs.flight_log import FlightLog
+from hil.run_files import MCAP_NAME
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 
@@ -69,8 +70,8 @@ def formats() -> tuple[Format, ...]:
 def read_log(file: LogFile) -> FlightLog:
     """Return the whole log. Raises ConfigError for a file that is no log, or one without what every fit needs."""
     path = file.path
-    if path.is_dir() and (path / "run.mcap").is_file():
-        return read_log(replace(file, path=path / "run.mcap"))
+    if path.is_dir() and (path / MCAP_NAME).is_file():
+        return read_log(replace(file, path=path / MCAP_NAME))
     try:
         with open(path, "rb") as opened:
             head = opened.read(HEAD_BYTES)

@@ -29,6 +29,7 @@ from hil.run.flight_logs.flight_log import FlightLog, Series
 from hil.run.flight_logs.log_format import LogFile, read_log
 from hil.run.flight_logs.rotor_model import steady_speeds_radps, wrench
 from hil.run.follow.course import Course, course_of, measured_velocity
+from hil.run_files import MCAP_NAME
 from signals.errors import ConfigError, Problem
 from signals.rotation import yaw_of
 from signals.samples import Vec3
@@ -78,7 +79,7 @@ def followed_flight(bench: Bench) -> FollowedFlight:
     start, vehicle = bench.config.start.p_W, bench.vehicle
     stand_W = (start[0], start[1], start[2] + vehicle.standing_height_m)
     log = Path(follow.log)
-    files = [log / "run.mcap" if log.is_dir() else log, *([] if follow.columns is None else [Path(follow.columns)])]
+    files = [log / MCAP_NAME if log.is_dir() else log, *([] if follow.columns is None else [Path(follow.columns)])]
     flight, file = _read(follow, vehicle, stand_W, tuple(_stamp(path) for path in files))
     _check_bench(bench, flight, file)
     return flight

@@ -22,6 +22,7 @@ from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics, open_unbuff
 from hil.run.recorder.mcap.mcap_sink import McapRecording, McapSink
 from hil.run.recorder.tlog_sink import TlogSink
 from hil.run.recorder.track import Track
+from hil.run_files import MCAP_NAME, TLOG_NAME
 from signals.detections import Detections
 from signals.errors import RecordingError
 from signals.samples import (
@@ -35,8 +36,6 @@ from signals.samples import (
 )
 from signals.time import NS_PER_S
 
-MCAP_NAME = "run.mcap"
-TLOG_NAME = "flight.tlog"
 _FLUSH_NS = NS_PER_S  # flush after this much simulated time, the most that is lost when the process is killed
 _FLUSH_TICKS = 512  # flush after this many ticks, on benches with a higher tick rate
 _FLUSH_FRAMES = 4096  # flush after this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory

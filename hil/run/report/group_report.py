@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from hil.run.recorder.track import TrackArrays
 from hil.run.report.html import text
-from hil.run.report.page import PAGE_NAME, Report, write_page
+from hil.run.report.page import Report, write_page
+from hil.run_files import PAGE_NAME
 from signals.errors import RecordingError
 
 PICTURE_NAME = "vehicles.png"

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from hil.run.recorder.recorder import Event
 from hil.run.report.html import table, text
+from hil.run_files import PAGE_NAME
 from signals.time import NS_PER_S
 
-PAGE_NAME = "report.html"
 _EVENTS_SHOWN = 300
 
 

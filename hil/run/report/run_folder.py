@@ -17,6 +17,7 @@ from typing import Any
 
 from hil.data_set_files import MANIFEST
 from hil.run.report.run_json import run_json_text, write_run_json
+from hil.run_files import BENCH_NAME, MCAP_NAME, PAGE_NAME, RUN_JSON_NAME, TLOG_NAME
 from signals._kernel import guard_file
 from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
 from signals.shortage import CRASHED, OUT_OF_MEMORY
@@ -28,8 +29,7 @@ _SUFFIXES = (
     *(".glb", ".osm", ".pbf", ".tif"),
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
-_RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one of a run
-_REPORT, _RECORDINGS = "report.html", ("run.mcap", "flight.tlog")
+_RESULTS = (RUN_JSON_NAME, PAGE_NAME, BENCH_NAME)  # what makes a folder one of a run
 
 
 @contextlib.contextmanager
@@ -94,7 +94,7 @@ def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[Non
 def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
     """Remove the results of vehicles that are not in `names`, so that they do not pass for this run's."""
     try:
-        earlier = json.loads((out / "run.json").read_text())["vehicles"]
+        earlier = json.loads((out / RUN_JSON_NAME).read_text())["vehicles"]
     except (OSError, ValueError, LookupError, TypeError):
         return  # no earlier run, or one with a single vehicle
     for name in earlier if isinstance(earlier, dict) else ():
@@ -113,7 +113,7 @@ def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> N
         return
     read = {Path(os.path.realpath(path)) for path in kept}
     for folder in (out, *(out / name for name in vehicles)):
-        for name in (_REPORT, *_RECORDINGS):
+        for name in (PAGE_NAME, MCAP_NAME, TLOG_NAME):
             real = Path(os.path.realpath(folder / name))
             if not read & {real, real.parent}:
                 with contextlib.suppress(OSError):
@@ -121,7 +121,7 @@ def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> N
 
 
 def _is_of_a_run(folder: Path) -> bool:
-    return (folder / "run.json").is_file() and not (folder / MANIFEST).exists()
+    return (folder / RUN_JSON_NAME).is_file() and not (folder / MANIFEST).exists()
 
 
 def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:
@@ -214,8 +214,8 @@ def write_unbegun(error: HilError, folder: Path, *, rig: str | None, scene: str 
     with run_folder(folder):
         if _is_of_a_run(folder):
             with contextlib.suppress(OSError):
-                (folder / _REPORT).unlink(missing_ok=True)
-        write_run_json(folder / "run.json", run)
+                (folder / PAGE_NAME).unlink(missing_ok=True)
+        write_run_json(folder / RUN_JSON_NAME, run)
 
 
 def guard_unbegun(folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
@@ -224,7 +224,7 @@ def guard_unbegun(folder: Path, *, rig: str | None, scene: str | None, seed: int
         run_json_text(_unbegun(kind, text, rig=rig, scene=scene, seed=seed))
         for kind, text in (("Crashed", CRASHED), (OutOfMemory.__name__, OUT_OF_MEMORY))
     )
-    guard_file(str((folder / "run.json").absolute()), crashed, no_memory)
+    guard_file(str((folder / RUN_JSON_NAME).absolute()), crashed, no_memory)
 
 
 def _unbegun(kind: str, message: str, *, rig: str | None, scene: str | None, seed: int | None) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
 from hil.run.runs.failure import Failure
 from hil.run.runs.fleet import Fleet
@@ -29,6 +28,7 @@ from hil.run.runs.tick_loop import Flight, VehicleFailed
 from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
+from hil.run_files import MCAP_NAME
 from signals.errors import RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S

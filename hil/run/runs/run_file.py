@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import IO, Any
 
 from hil.run.report.run_json import run_json_text, write_run_json
+from hil.run_files import RUN_JSON_NAME
 from signals._kernel import guard_file
 from signals.errors import DiskFull, RecordingError
 from signals.shortage import CRASHED, OUT_OF_MEMORY, shortage
 
-RUN_JSON_NAME = "run.json"
 _RESERVE_BYTES = 64 << 10  # several times a usual run.json
 _KILLED = "the run is still going on, or it was killed before it could write its result, as when memory runs out"
 # Of a run.json that does not fit on the disk, the keys that every run has.

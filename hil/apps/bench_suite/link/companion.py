@@ -26,7 +26,7 @@ from hil.run.bench_run import run_bench
 from hil.run.recorder.frame_series import cloud_records
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.reading_frames import IMAGE, capture_ns, image
-from hil.run.recorder.recorder import MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME
 from signals.errors import HilError
 from signals.samples import PointCloudSample
 
@@ -115,7 +115,7 @@ def _fly(
         "port": 0,
         "settings": dict(settings or {}),
     }
-    bench = out / "bench.yaml"
+    bench = out / BENCH_NAME
     bench.write_text(_BENCH + f"duration_s: {seconds}\ncompanion: {json.dumps(companion)}\n", encoding="utf-8")
     run = run_bench(load_bench(bench, settings=[f"record.mcap={str(mcap).lower()}"]), out / "run", quiet=True).run
     if run["error"] is not None:

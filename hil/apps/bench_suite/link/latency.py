@@ -20,6 +20,7 @@ from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import Recording
+from hil.run_files import BENCH_NAME, MCAP_NAME
 from signals.errors import HilError
 
 BUSY_S = (0.005, 0.05, 0.2)
@@ -47,7 +48,7 @@ def latency_rows(status: ShowStatus) -> tuple[list[Row], list[Check]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "hop.waypoints").write_text(_HOP)
-        (folder / "bench.yaml").write_text(_BENCH)
+        (folder / BENCH_NAME).write_text(_BENCH)
         for busy_s in BUSY_S:
             ms = f"{1e3 * busy_s:g} ms"
             status(f"a companion that takes {ms}, in real time and in simulated time")
@@ -85,12 +86,12 @@ def _distance_m(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 def _fly(folder: Path, name: str, *settings: str) -> tuple[NDArray[np.float64], float, str]:
     """Return the positions by tick in W [m], wall seconds per simulated second, and the digest."""
-    result = run_bench(load_bench(folder / "bench.yaml", settings=settings), folder / name, quiet=True)
+    result = run_bench(load_bench(folder / BENCH_NAME, settings=settings), folder / name, quiet=True)
     run = result.run
     if run["status"] != "PASS":
         raise HilError(f"{name}: {run['error']['message'] if run['error'] else 'the flight missed its limits'}")
     positions = [
         [values[f"pose.position.{axis}"] for axis in "xyz"]
-        for values in (m.decode() for m in Recording(folder / name / "run.mcap").messages() if m.topic == "/truth/pose")
+        for values in (m.decode() for m in Recording(folder / name / MCAP_NAME).messages() if m.topic == "/truth/pose")
     ]
     return np.array(positions), run["wall_s"] / run["sim_s"], run["digest"]

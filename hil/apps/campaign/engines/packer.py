@@ -14,6 +14,7 @@ from hil.cluster.trees import packed, tree_name, unpack
 from hil.config import Bench
 from hil.config.saved import save_bench
 from hil.config.scenes import save_scene
+from hil.run_files import BENCH_NAME
 from signals.errors import RecordingError
 
 _PX4_DATA = ("../etc", "etc", "../share/px4/etc")  # places of PX4's start scripts beside its binary
@@ -49,7 +50,7 @@ class Packer:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             unpack(recording, folder)
-            for path in folder.rglob("bench.yaml"):
+            for path in folder.rglob(BENCH_NAME):
                 text = path.read_text(encoding="utf-8")
                 for place, source in self._sources.items():
                     text = text.replace(place, source)

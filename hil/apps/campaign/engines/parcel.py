@@ -12,6 +12,7 @@ from pathlib import Path
 
 from hil.apps.campaign.flight import Job, Outcome
 from hil.cluster.trees import packed
+from hil.run_files import BENCH_NAME
 
 TREES = "/hil-campaign-trees"  # stands in a bench file for the folder where a node unpacks trees
 
@@ -39,13 +40,13 @@ def write_bench(parcel: Parcel, folder: Path, trees: Path) -> Path:
     for name, content in parcel.files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        placed = content.replace(TREES.encode(), str(trees).encode()) if path.name == "bench.yaml" else content
+        placed = content.replace(TREES.encode(), str(trees).encode()) if path.name == BENCH_NAME else content
         path.write_bytes(placed)
-    return folder / "bench.yaml"
+    return folder / BENCH_NAME
 
 
 def packed_recording(folder: Path, trees: Path) -> bytes:
     """Return the archive of a flight's folder, without the places of this machine in its bench files."""
-    for path in folder.rglob("bench.yaml"):
+    for path in folder.rglob(BENCH_NAME):
         path.write_bytes(path.read_bytes().replace(str(trees).encode(), TREES.encode()))
     return packed((entry, entry.name) for entry in sorted(folder.iterdir()))

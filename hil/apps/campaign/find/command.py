@@ -27,6 +27,7 @@ from hil.apps.campaign.results.answers import LiveSummary, check_name
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
+from hil.run_files import SUMMARY_NAME
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
@@ -217,7 +218,7 @@ def _write_tables(out: Path, store: Store, plan: Plan, search: Search, facts: di
     rows, lines = tables.csv_rows(out / tables.CSV_NAME, plan.axes, names), tables.json_lines(out / tables.LINES_NAME)
     tables.write_each(store.cases(), rows, lines)
     ended = {"exit_status": search.exit_status, "complete": search.ended, "doing": None, "stopped": None}
-    tables.write_summary(out / tables.SUMMARY_NAME, search.tally, {**facts, **ended})
+    tables.write_summary(out / SUMMARY_NAME, search.tally, {**facts, **ended})
 
 
 def _print_search(name: str, out: Path, search: Search, console: Console) -> None:

@@ -15,6 +15,7 @@ from hil.apps.campaign.results.groups import groups_of
 from hil.apps.campaign.results.junit import JUNIT_NAME, junit_cases
 from hil.apps.campaign.results.page import Facts, write_page
 from hil.apps.campaign.results.summary import Summary
+from hil.run_files import SUMMARY_NAME
 from signals.errors import ConfigError, Problem
 
 _LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
@@ -25,7 +26,7 @@ class LiveSummary:
 
     def __init__(self, out: Path, show: Callable[[Progress], None], facts: Callable[[], Mapping[str, Any]]) -> None:
         """`facts`: returns further keys of campaign.json."""
-        self._path, self._show, self._facts = out / tables.SUMMARY_NAME, show, facts
+        self._path, self._show, self._facts = out / SUMMARY_NAME, show, facts
         self._next_s = 0.0
 
     def __call__(self, state: Progress) -> None:
@@ -52,7 +53,7 @@ def write_results(campaign: Campaign) -> Summary:
     )
     ended = {"complete": complete, "doing": None, "stopped": campaign.stopped or None}
     more = {**facts_of(campaign), "exit_status": tally.exit_status, **ended, **summary.data()}
-    tables.write_summary(out / tables.SUMMARY_NAME, tally, more)
+    tables.write_summary(out / SUMMARY_NAME, tally, more)
     points, flown, stopped = len(campaign.plan), campaign.flown, campaign.stopped
     wall_s = time.monotonic() - campaign.began_s
     facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
@@ -63,7 +64,7 @@ def write_results(campaign: Campaign) -> Summary:
 def check_name(folder: Path, name: str) -> None:
     """Check that a folder holds no campaign or search of another name. Raises ConfigError."""
     try:
-        other = json.loads((folder / tables.SUMMARY_NAME).read_text(encoding="utf-8"))["name"]
+        other = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))["name"]
     except (OSError, ValueError, LookupError, TypeError):
         return  # the folder is new, or was left before anything was written
     if other != name:

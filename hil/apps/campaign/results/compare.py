@@ -19,7 +19,8 @@ import numpy as np
 
 from hil.apps.campaign.results.groups import value_text
 from hil.apps.campaign.results.statistics import STATUSES, Z_95, Tally
-from hil.apps.campaign.results.tables import LINES_NAME, SUMMARY_NAME
+from hil.apps.campaign.results.tables import LINES_NAME
+from hil.run_files import SUMMARY_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 
 _MOST_SETTINGS = 20

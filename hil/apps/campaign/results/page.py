@@ -15,9 +15,10 @@ from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Summary, separation
 from hil.apps.campaign.store import Case
 from hil.run.report.html import table
-from hil.run.report.page import CSS, PAGE_NAME
+from hil.run.report.page import CSS
 from hil.run.report.row_search import SCRIPT
 from hil.run.runs.progress import minutes
+from hil.run_files import PAGE_NAME
 from signals.errors import RecordingError
 from signals.words import counted
 

@@ -20,7 +20,7 @@ from hil.apps.campaign.store import Case
 from hil.run.report.run_json import write_run_json
 from signals.errors import RecordingError
 
-CSV_NAME, LINES_NAME, SUMMARY_NAME = "results.csv", "results.jsonl", "campaign.json"
+CSV_NAME, LINES_NAME = "results.csv", "results.jsonl"
 Sink = Callable[[Case], object]  # writes one case
 # A spreadsheet takes a cell that begins so for a formula (OWASP, CSV injection; the last four are full-width), but a
 # number for a number.

@@ -6,7 +6,8 @@ import time
 from typing import Any
 
 from hil.apps.dash.past.served_folders import ServedFolders
-from hil.apps.dash.past.summary import CAMPAIGN_JSON_NAME, read_campaign
+from hil.apps.dash.past.summary import read_campaign
+from hil.run_files import PAGE_NAME, SUMMARY_NAME
 from signals.errors import RecordingError
 
 _FIELDS = ("cases", "pass", "fail", "error", "flake", "points", "pass_rate", "complete", "stopped", "doing")
@@ -20,7 +21,7 @@ class Campaigns(ServedFolders):
         campaigns: list[dict[str, Any]] = []
         for folder in self.folders():
             try:
-                age_s = max(0.0, time.time() - (folder / CAMPAIGN_JSON_NAME).stat().st_mtime)
+                age_s = max(0.0, time.time() - (folder / SUMMARY_NAME).stat().st_mtime)
                 summary = read_campaign(folder)
             except OSError:
                 continue
@@ -29,6 +30,6 @@ class Campaigns(ServedFolders):
                 continue
             if summary is not None:
                 facts = {name: summary.get(name) for name in _FIELDS}
-                report = (folder / "report.html").is_file()
+                report = (folder / PAGE_NAME).is_file()
                 campaigns.append({"name": folder.name, "age_s": age_s, "report": report, "broken": None, **facts})
         return sorted(campaigns, key=lambda campaign: campaign["age_s"])

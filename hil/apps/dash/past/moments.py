@@ -30,7 +30,7 @@ from hil.run.feed.payloads import MAX_POINTS, array_payload, thinned
 from hil.run.feed.streams import CLOUD_CHANNEL, map_client, map_stream
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage
 from hil.run.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
-from hil.run.recorder.recorder import MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME
 from signals.errors import HilError
 from signals.time import NS_PER_S
 
@@ -55,7 +55,7 @@ class _PastRun:
         self.recording = run / MCAP_NAME
         self.prefix = f"/{vehicle}" if vehicle else ""  # of the vehicle's topics
         folder = run / vehicle
-        self.previews = PreviewSensors(folder / "bench.yaml")
+        self.previews = PreviewSensors(folder / BENCH_NAME)
         self.maps: dict[str, list[View]] = {}
         for client, view in read_views(folder / VIEWS_NAME):
             self.maps.setdefault(client, []).append(view)

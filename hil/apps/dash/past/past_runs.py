@@ -16,8 +16,8 @@ from hil.apps.dash.past.moments import Moments, stream_of_topic
 from hil.apps.dash.past.served_folders import ServedFolders
 from hil.apps.dash.past.summary import read_summary
 from hil.run.recorder.reading import RecordedMessage, Recording
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.run_folder import is_under_way
+from hil.run_files import BENCH_NAME, MCAP_NAME, PAGE_NAME
 from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 
@@ -63,7 +63,7 @@ class PastRuns(ServedFolders):
                         "by_hand": len(summary.get("by_hand") or ()),
                         "error": error_of.get("type"),
                         "recording": (folder / MCAP_NAME).is_file(),
-                        "report": (folder / "report.html").is_file(),
+                        "report": (folder / PAGE_NAME).is_file(),
                         "broken": self._damage(folder),
                     }
                 )
@@ -134,7 +134,7 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     from hil.config.missions.path import planned_path
 
     try:
-        bench = load_bench(folder / "bench.yaml")
+        bench = load_bench(folder / BENCH_NAME)
     except HilError:
         return []
     if bench.mission is None:

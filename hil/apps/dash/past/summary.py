@@ -8,10 +8,9 @@ from typing import Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from hil.run_files import RUN_JSON_NAME, SUMMARY_NAME
 from signals.errors import RecordingError
 
-RUN_JSON_NAME = "run.json"
-CAMPAIGN_JSON_NAME = "campaign.json"
 _MAX_BYTES = 64 << 20
 
 
@@ -80,7 +79,7 @@ def read_summary(folder: Path) -> dict[str, Any] | None:
 
 def read_campaign(folder: Path) -> dict[str, Any] | None:
     """Return campaign.json of a campaign; None if there is none. Raises RecordingError if it is damaged."""
-    return _read(folder / CAMPAIGN_JSON_NAME, _Campaign)
+    return _read(folder / SUMMARY_NAME, _Campaign)
 
 
 def _read(path: Path, model: type[BaseModel]) -> dict[str, Any] | None:

@@ -24,6 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from hil.apps.dash.server.authenticator import Authenticator
 from hil.apps.dash.server.hub import Hub, Page
 from hil.apps.dash.server.run_process import RunProcess
+from hil.run_files import PAGE_NAME
 from signals.errors import HilError
 
 if TYPE_CHECKING:
@@ -191,7 +192,6 @@ class Dashboard:
         return JSONResponse(self._past_campaigns.listed())
 
     def _campaign_file(self, request: Request) -> Response:
-        from hil.run.report.page import PAGE_NAME
         from hil.run.report.row_search import SCRIPT_SOURCE
 
         path = request.path_params["path"]

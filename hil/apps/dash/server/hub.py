@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.run.feed.messages import UINT32, StreamFrame, Unpacker, packed, packed_update
 from hil.run.feed.streams import PREVIEW_PREFIX, PREVIEW_STREAMS
+from hil.run_files import BENCH_NAME
 from signals.classes import Classes
 from signals.errors import HilError
 
@@ -314,7 +315,7 @@ class Hub:
     def bench_file(self) -> Path | None:
         """Return the bench whose scene is shown: that of the run, or the default bench before the first run."""
         out = self.about.get("out")
-        return Path(out) / "bench.yaml" if out else self._bench_file()
+        return Path(out) / BENCH_NAME if out else self._bench_file()
 
     async def _current_previews(self) -> PreviewSensors | None:
         if self._preview_sensors is None:

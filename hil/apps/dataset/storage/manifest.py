@@ -19,12 +19,12 @@ from hil.apps.dataset.storage.tree import WORK, TreeWriter
 from hil.cluster.program import installed_version
 from hil.config.saved import save_with_vehicles
 from hil.data_set_files import MANIFEST
+from hil.run_files import BENCH_NAME
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 
 FORMAT = 4
 LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
-BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # a resumed data set may have more frames
 _MAX_KEYS_SHOWN = 5
 _REMEDY = "continue it with the files and options it was made with, or name another folder with --out"

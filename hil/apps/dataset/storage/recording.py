@@ -18,7 +18,7 @@ from mcap.records import Channel, Schema
 
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
-from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, TreeWriter, unwritable
+from hil.apps.dataset.storage.tree import INCOMPLETE, TreeWriter, unwritable
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import schema_text
@@ -26,6 +26,7 @@ from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFil
 from hil.run.recorder.mcap.mcap_sink import EventSeries, TopicWriters
 from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
 from hil.run.recorder.mcap.topics import SAMPLE_TOPICS, TRUTH_TOPICS
+from hil.run_files import MCAP_NAME
 from signals.errors import RecordingError
 from signals.samples import CHANNEL_UNITS, RADAR_UNITS, FrameSample, ImageSample
 
@@ -128,7 +129,7 @@ def records_of(declared: Declaration) -> tuple[Schema, Channel]:
 
 def incomplete_path(root: Path) -> Path:
     """Return the recording's temporary name, used until it is complete."""
-    return root / f"{RECORDING}{INCOMPLETE}"
+    return root / f"{MCAP_NAME}{INCOMPLETE}"
 
 
 def is_complete(tree: TreeWriter, record: BatchRecord, offset: int) -> bool:
@@ -167,7 +168,7 @@ class DatasetRecording:
         self._mounts = mounts
         self._root = root
         self._path = incomplete_path(root)
-        final = root / RECORDING
+        final = root / MCAP_NAME
         if final.exists() and not self._path.exists():
             os.rename(final, self._path)
         self._safe = SafeFile(self._path, _open_without_truncating)
@@ -228,7 +229,7 @@ class DatasetRecording:
         self._safe.truncate()
         self.close()
         try:
-            os.rename(self._path, self._root / RECORDING)
+            os.rename(self._path, self._root / MCAP_NAME)
         except OSError as error:
             raise unwritable(self._path, error) from error
 

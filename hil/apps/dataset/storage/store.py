@@ -11,10 +11,10 @@ from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import Journal
 from hil.apps.dataset.storage.layout import flight_folders, flight_mounts, headers
-from hil.apps.dataset.storage.manifest import BENCH_NAME
 from hil.apps.dataset.storage.recording import DatasetRecording
 from hil.apps.dataset.storage.tables import Checkpoints, Tables
 from hil.apps.dataset.storage.tree import JOURNAL
+from hil.run_files import BENCH_NAME
 
 MakeCheckpoints = Callable[[Path, Tables], Checkpoints]
 

@@ -16,7 +16,6 @@ from signals.errors import RecordingError
 
 ANNOTATIONS = "annotations"  # COCO
 PREVIEW = "preview"
-RECORDING = "run.mcap"
 CHECKSUMS = "checksums.csv"
 JOURNAL = "journal.sqlite3"
 WORK = ".work"  # folder of temporary files, deleted when the data set is complete

@@ -26,6 +26,7 @@ from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.offboard_set_points import RECEIVED, SENT, OffboardRows
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, Layout, decode
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage, Recording
+from hil.run_files import MCAP_NAME
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 
@@ -116,7 +117,7 @@ def _read(file: LogFile) -> FlightLog:
         xyzw = pose.values[:, 3:]
         pose = Series(pose.t_s, np.hstack([pose.values[:, :3], continuous_quaternions(xyzw[:, [3, 0, 1, 2]])]))
     return FlightLog(
-        name=file.path.parent.name if file.path.name == "run.mcap" else file.path.stem,
+        name=file.path.parent.name if file.path.name == MCAP_NAME else file.path.stem,
         source=file.path,
         motors=commands,
         motors_kind="command",

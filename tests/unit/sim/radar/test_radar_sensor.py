@@ -12,7 +12,8 @@ from hil.run.parts.simulated.sensors import radar_counts, radar_rows
 from hil.run.recorder.frame_description import FrameDescription, Sweep
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.reading_frames import image, radar_frame
-from hil.run.recorder.recorder import MCAP_NAME, Recorder
+from hil.run.recorder.recorder import Recorder
+from hil.run_files import MCAP_NAME
 from signals.errors import RecordingError
 from signals.samples import RADAR_UNITS, RadarSample, TruthState, arrays_of
 from signals.time import RateAccumulator, is_due

@@ -20,7 +20,8 @@ from hil.run.recorder.frame_description import FrameDescription, Projection
 from hil.run.recorder.mcap.cdr import decode
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
-from hil.run.recorder.recorder import MCAP_NAME, Recorder
+from hil.run.recorder.recorder import Recorder
+from hil.run_files import MCAP_NAME
 from signals.samples import FlowSample, OdometrySample, RadarSample, RangeSample, Sample, ScalarSample, TruthState
 from sim.physics.battery import BatteryState
 from sim.radar.processing.points import POINT_DTYPE

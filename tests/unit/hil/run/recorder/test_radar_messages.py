@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.recorder import MCAP_NAME, Recorder
+from hil.run.recorder.recorder import Recorder
+from hil.run_files import MCAP_NAME
 from signals.samples import RadarSample
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE

@@ -12,8 +12,9 @@ from hil.run.recorder.digest import Digest
 from hil.run.recorder.frame_description import FrameDescription, Projection
 from hil.run.recorder.frame_series import cloud_fields
 from hil.run.recorder.reading import read_messages
-from hil.run.recorder.recorder import MCAP_NAME, Album, Recorder
+from hil.run.recorder.recorder import Album, Recorder
 from hil.run.replay import compare
+from hil.run_files import MCAP_NAME
 from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE

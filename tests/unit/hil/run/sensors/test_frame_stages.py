@@ -14,9 +14,9 @@ from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.loop.stages import plan_stages
 from hil.run.recorder.reading import read_messages
-from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.replay import compare, replay
 from hil.run.sensors.frame_stages import stage_specs
+from hil.run_files import MCAP_NAME
 from tests.worlds.spheres_world import FormulaFrames
 
 FLIGHT = ["duration_s=1", "autopilot.transport=loopback", "record.tlog=false", "record.report=false"]
