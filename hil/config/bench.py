@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.autopilots.profile import Profile
 from hil.config.missions import Geopoint, Mission
+from hil.config.missions.path import Leg, planned_path
 from hil.config.missions.script import MissionScript, Outcome
 from hil.config.schema import BenchConfig
 from hil.config.sensors.noise import noise_factors, scaled_parameters
@@ -58,6 +60,11 @@ class Bench:
     def outcome(self) -> Outcome:
         """Required end of the flight."""
         return "complete" if self.script is None else self.script.script.outcome
+
+    @cached_property
+    def legs(self) -> tuple[Leg, ...]:
+        """The planned path from where the bench starts the vehicle; empty without a mission. A run's may be higher."""
+        return () if self.mission is None else planned_path(self.mission, self.scene, home_W=self.config.start.p_W)
 
     def sensor_parameters(self, name: str) -> Any:
         """Return the parameters of a sensor, with its noise scaled by the factor drawn from the seed."""

@@ -325,8 +325,12 @@ class BenchLoading:
         mission = self._mission(mission_path, scene)
         if config is not None and mission is not None and scene is not None:
             mission = shifted_mission(mission, config.mission_offset_m, scene)
+        bench = None
         if config is not None and vehicle is not None and scene is not None and not self.problems:
-            self.problems += flight_problems(config, vehicle, mission, scene, self.settings)
+            if script is not None and not self.complete:
+                config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
+            bench = Bench(config, vehicle, scene, mission, self.files, script)
+            self.problems += flight_problems(bench, self.settings)
         if script is not None:
             self.problems += mission_problems(script, mission)
             if config is not None and config.crash is None and script.script.outcome == "crashed":
@@ -335,16 +339,14 @@ class BenchLoading:
             if config is not None and vehicle is not None:
                 self.problems += bench_problems(script, sensors=sample_types(config), vehicle=vehicle)
                 self.problems += script_intake_problems(config, script, firmware_for(config.autopilot.profile, vehicle))
-            if config is not None and scene is not None and not self.complete:
-                config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:
             missing = config.missing_sensors()
             if missing:
                 message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a mission"
                 self.problems.append(at(self.settings, ("sensors",), message))
-        if self.problems or config is None or vehicle is None or scene is None:
+        if self.problems or bench is None:
             raise ConfigError(_in_order(self.problems))
-        return Bench(config, vehicle, scene, mission, self.files, script)
+        return bench
 
 
 def _in_order(problems: list[Problem]) -> list[Problem]:

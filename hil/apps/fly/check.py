@@ -6,7 +6,7 @@ from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
 from hil.config.checks.flight_notes import flight_notes
 from hil.config.checks.intake_checks import intake_notes
-from hil.config.missions.path import planned_path, waypoint_legs
+from hil.config.missions.path import waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
 from hil.run.sensors.frame_stages import stage_specs
@@ -41,7 +41,7 @@ def _facts(bench: Bench) -> str:
     c = bench.config
     mission_text = "no mission"
     if bench.mission is not None:
-        mission_text = counted(len(waypoint_legs(planned_path(bench.mission, bench.scene))), "waypoint")
+        mission_text = counted(len(waypoint_legs(bench.legs)), "waypoint")
     if bench.script is not None:
         mission_text += f", {counted(len(bench.script.script.actions), 'action')}"
     return f"rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from hil.config.bench import Bench
-from hil.config.missions.path import Leg, LegKind, planned_path
+from hil.config.missions.path import Leg, LegKind
 from signals.samples import Vec3
 from sim.physics.course import Obstacle, obstacles
 from sim.physics.fixed_wing import is_plane
@@ -77,12 +77,10 @@ def _told(bench: Bench, way: _Way, obstacle: Obstacle) -> str:
 
 def _ways(bench: Bench) -> Iterator[_Way]:
     """Yield each way of the mission once. Climbs lead straight up first; planes climb and land along slopes."""
-    assert bench.mission is not None
     told: set[tuple[Vec3, Vec3]] = set()
-    legs = planned_path(bench.mission, bench.scene, home_W=bench.config.start.p_W)
-    returns = {leg.seq for leg in legs if leg.kind is LegKind.RETURN}  # at heights that the autopilot chooses
+    returns = {leg.seq for leg in bench.legs if leg.kind is LegKind.RETURN}  # at heights that the autopilot chooses
     standing_m = bench.vehicle.standing_height_m + _GROUND_M
-    for leg in legs:
+    for leg in bench.legs:
         if leg.seq in returns or (is_plane(bench.vehicle) and leg.kind is not LegKind.FLY):
             continue
         for start, end in _pieces(leg, standing_m):

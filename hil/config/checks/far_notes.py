@@ -7,7 +7,7 @@ import math
 from hil.config.bench import Bench
 from hil.config.missions.item_values import LOITER_RADII, TIMES
 from hil.config.missions.mission import Mission
-from hil.config.missions.path import LegKind, planned_path
+from hil.config.missions.path import LegKind
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
 
@@ -26,7 +26,7 @@ def far_notes(bench: Bench) -> list[str]:
 
 def _time_notes(bench: Bench, mission: Mission, *, on_wings: bool) -> list[str]:
     duration_s = bench.config.duration_s
-    legs = planned_path(mission, bench.scene, home_W=bench.config.start.p_W)
+    legs = bench.legs
     if any(leg.kind is LegKind.ENDLESS for leg in legs):
         return []  # the verdict tells of it
     timed = TIMES.keys() - ({_WAYPOINT} if on_wings else set())

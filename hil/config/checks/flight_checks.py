@@ -13,12 +13,13 @@ from collections.abc import Sequence
 
 from firmware_bridge.autopilots.installation import FixedWing
 from firmware_bridge.autopilots.px4.wing_parameters import LAUNCH_MPS2, ROTATION
+from hil.config.bench import Bench
 from hil.config.checks.short_legs import short_legs
 from hil.config.checks.still_checks import still_problems
 from hil.config.checks.vtol_checks import VTOL_WORDS, vtol_mission_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
-from hil.config.missions.path import Leg, LegKind, planned_path
+from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
@@ -36,21 +37,18 @@ _STEEPEST_DEG = 10.0  # of an approach
 _VTOL = frozenset((84, 85))
 
 
-def flight_problems(
-    config: BenchConfig, vehicle: Vehicle, mission: Mission | None, scene: Scene, settings: Located
-) -> list[Problem]:
+def flight_problems(bench: Bench, settings: Located) -> list[Problem]:
     """Report a mission that the vehicle cannot fly, and a start from which a plane cannot take off."""
-    if is_vtol(vehicle):
-        return [] if mission is None else vtol_mission_problems(config, vehicle, mission, scene)
-    if not is_plane(vehicle):
-        if mission is None:
-            return []
-        return _copter_problems(config, vehicle, mission) or still_problems(config, mission, scene)
+    config, vehicle, mission, scene = bench.config, bench.vehicle, bench.mission, bench.scene
     if mission is None:
         return []
+    if is_vtol(vehicle):
+        return vtol_mission_problems(bench, mission)
+    if not is_plane(vehicle):
+        return _copter_problems(config, vehicle, mission) or still_problems(bench, mission)
     facts = fixed_wing_facts(vehicle, scene.site)
     problems = _start_problems(config, vehicle, facts, scene, settings)
-    return problems + _plane_mission_problems(config, facts, mission, scene)
+    return problems + _plane_mission_problems(bench.legs, facts, mission)
 
 
 def _copter_problems(config: BenchConfig, vehicle: Vehicle, mission: Mission) -> list[Problem]:
@@ -156,7 +154,7 @@ def _launch_problems(config: BenchConfig, launch: Launch, vehicle: Vehicle, sett
     return [at(settings, ("start", "launch"), message, "launch faster or over a shorter way, or lower FW_LAUN_AC_THLD")]
 
 
-def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Mission, scene: Scene) -> list[Problem]:
+def _plane_mission_problems(legs: Sequence[Leg], facts: FixedWing, mission: Mission) -> list[Problem]:
     problems: list[Problem] = []
 
     def report(seq: int, message: str, hint: str) -> None:
@@ -169,7 +167,6 @@ def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Miss
     if places and places[0].command not in TAKEOFF_COMMANDS:
         report(places[0].seq, "comes first, and a plane on the ground needs a take-off", "begin with NAV_TAKEOFF")
     radius = turn_radius_m(facts.cruise_mps)
-    legs = planned_path(mission, scene, home_W=config.start.p_W)
     for where, seq in short_legs(legs, radius):
         report(seq, where, "spread the waypoints")
     problems += _landing_problems(legs, mission, radius)

@@ -6,7 +6,7 @@ import math
 
 from hil.config.bench import Bench
 from hil.config.missions.mission import CHANGE_SPEED, WAYPOINT
-from hil.config.missions.path import planned_path, waypoint_legs
+from hil.config.missions.path import waypoint_legs
 from sim.physics.fixed_wing import is_plane
 
 _TURN_RATE_DEGPS = 60.0  # PX4's default of MPC_YAWRAUTO_MAX
@@ -26,7 +26,7 @@ def heading_notes(bench: Bench) -> list[str]:
         speeds_mps.append(speed_mps)
     late: dict[int, str] = {}  # by item: a jump repeats it
     before_deg = math.nan
-    for leg in waypoint_legs(planned_path(mission, bench.scene, home_W=bench.config.start.p_W)):
+    for leg in waypoint_legs(bench.legs):
         item = mission.items[leg.seq]
         heading_deg = item.param4 if item.command == WAYPOINT else math.nan
         turn_deg = abs(math.remainder(heading_deg - before_deg, 360.0))

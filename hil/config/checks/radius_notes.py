@@ -6,7 +6,7 @@ import math
 
 from hil.config.bench import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import SAME_M, WINGS_REACH_M, named_radius_m, planned_path, waypoint_legs
+from hil.config.missions.path import SAME_M, WINGS_REACH_M, named_radius_m, waypoint_legs
 from hil.config.missions.regimes import on_wings
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
@@ -23,7 +23,7 @@ def radius_notes(bench: Bench) -> list[str]:
     usual_on_wings_m = _usual_on_wings_m(bench) if any(wings_at) else 0.0
     wide: dict[int, str] = {}  # by item: a jump repeats it
     near: dict[int, str] = {}
-    for leg in waypoint_legs(planned_path(bench.mission, bench.scene, home_W=bench.config.start.p_W)):
+    for leg in waypoint_legs(bench.legs):
         named_m, counts_m = named_radius_m(bench.mission.items[leg.seq]), leg.acceptance_radius_m
         radius_m = counts_m if named_m is None else named_m
         length_m = math.dist(leg.start_W[:2], leg.end_W[:2])

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from hil.config.bench import Bench
 from hil.config.checks.short_legs import short_legs
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import PLACE_COMMANDS, Mission
-from hil.config.missions.path import planned_path
 from hil.config.missions.regimes import TO_HOVER, TO_WINGS, TRANSITION, leads_to_wings, on_wings
-from hil.config.schema import BenchConfig
 from signals.errors import Problem
-from sim.physics.vehicle import Vehicle
-from sim.scene.scene import Scene
 
 VTOL_WORDS = {84: "VTOL take-off", 85: "VTOL landing", 3000: "transition"}
 _CIRCLES = frozenset((18, 31))  # loiters that only wings fly
@@ -18,13 +15,13 @@ _LEAST_M = 10.0  # height of a transition over the start: four times what one lo
 _LEAST_KEY = "VT_FW_MIN_ALT"
 
 
-def vtol_mission_problems(config: BenchConfig, vehicle: Vehicle, mission: Mission, scene: Scene) -> list[Problem]:
+def vtol_mission_problems(bench: Bench, mission: Mission) -> list[Problem]:
     """Report transitions too near to the ground, and items that the present regime does not fly."""
+    config, vehicle = bench.config, bench.vehicle
     problems: list[Problem] = []
     params = config.autopilot.params
     least = max(_LEAST_M, float(params.get(_LEAST_KEY, 0.0)))
-    legs = planned_path(mission, scene, home_W=config.start.p_W)
-    height_of = {leg.seq: leg.end_W[2] - config.start.p_W[2] for leg in legs}
+    height_of = {leg.seq: leg.end_W[2] - config.start.p_W[2] for leg in bench.legs}
     height = 0.0
 
     def report(seq: int, message: str, hint: str) -> None:
@@ -42,8 +39,8 @@ def vtol_mission_problems(config: BenchConfig, vehicle: Vehicle, mission: Missio
         elif item.command in _CIRCLES and not wings:
             message = f"({name}) is a circle, flown on the wings, and the vehicle {vehicle.name!r} hovers there"
             report(item.seq, message, "put a transition (DO_VTOL_TRANSITION, param 1: 4) before it, or a loiter time")
-    flown = [leg for leg in legs if wings_at[leg.seq]]
-    radius = turn_radius_m(fixed_wing_facts(vehicle, scene.site).cruise_mps)
+    flown = [leg for leg in bench.legs if wings_at[leg.seq]]
+    radius = turn_radius_m(fixed_wing_facts(vehicle, bench.scene.site).cruise_mps)
     for where, seq in short_legs(flown, radius):
         report(seq, f"{where}, and is flown on the wings", "spread the waypoints, or fly them in hover")
     return problems

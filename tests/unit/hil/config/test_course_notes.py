@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from typer.testing import CliRunner
 
 from hil.apps.dataset.plan import make_plan
+from hil.apps.fly.check import check_bench
+from hil.apps.fly.choice import BenchChoice
 from hil.cli.app import app
 from hil.config import load_bench
 from hil.config.checks.course_notes import course_notes
 from hil.config.checks.heading_notes import heading_notes
 from hil.config.checks.radius_notes import radius_notes
+from hil.config.missions import path
 from signals.errors import ConfigError
 
 SCENE = """\
@@ -209,3 +213,11 @@ def test_headings_that_take_longer_than_the_way_are_told_where_the_autopilot_wai
     assert heading_notes(bench) == []
     assert heading_notes(load_bench(rig="mock", mission=ring)) == []
     assert heading_notes(load_bench(rig="px4_sitl", settings=px4)) == []
+
+
+@pytest.mark.parametrize("bench", ["hil.yaml", "rigs/plane.yaml", "rigs/vtol.yaml"])
+def test_a_check_plans_the_path_of_a_mission_once(bench: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    order = Mock(wraps=path._flown_order)
+    monkeypatch.setattr(path, "_flown_order", order)
+    assert check_bench(BenchChoice(Path(bench))).startswith("ok")
+    assert order.call_count == 1
