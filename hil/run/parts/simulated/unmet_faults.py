@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from firmware_bridge.faults.link_fault import LinkFault
@@ -56,7 +57,7 @@ class UnmetFaultsPart(Part):
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
         others = [part for other in run.fleet if other is not run and (part := other.part(self.name)) is not None]
-        for what, text, fails in self._found():
+        for what, text, fails in self._missed:
             if any(part.has_met(what) for part in others):
                 continue
             self._unmet.append(text)
@@ -67,10 +68,14 @@ class UnmetFaultsPart(Part):
 
     def has_met(self, what: Any) -> bool:
         """Return True if the bench of this vehicle declares a fault or gust, too, and its flight has met it."""
-        return what in self._declared and what not in [unmet.what for unmet in self._found()]
+        return what in self._declared and what not in [unmet.what for unmet in self._missed]
+
+    @cached_property
+    def _missed(self) -> list[Unmet]:
+        """Faults and gusts that the flight did not meet; every other vehicle asks for them, after the flight."""
+        return list(self._found())
 
     def _found(self) -> Iterator[Unmet]:
-        """Yield what the flight did not meet."""
         run, config = self._run, self._bench.config
         end_s = run.now_ns() / NS_PER_S
         script = run.part("script")

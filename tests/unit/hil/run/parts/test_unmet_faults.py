@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from hil.run.parts.simulated.unmet_faults import Unmet, UnmetFaultsPart
 
 BENCH = """
 rig: mock
@@ -107,6 +109,22 @@ def test_of_several_vehicles_one_that_met_it_is_enough(gust_s: float, own: str, 
     ends_s = [vehicle["sim_s"] for vehicle in result.run["vehicles"].values()]
     assert ends_s[0] < 27 < ends_s[1]
     assert [text.partition(" never began: ")[0] for text in reasons(result)] == unmet
+
+
+def test_each_of_several_vehicles_says_once_what_it_has_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every other one had asked for all of it, once for each thing that it had missed itself."""
+    asked = []
+
+    def found(part: UnmetFaultsPart) -> Iterator[Unmet]:
+        asked.append(part)
+        return one_found(part)
+
+    one_found = UnmetFaultsPart._found
+    monkeypatch.setattr(UnmetFaultsPart, "_found", found)
+    places = ", ".join(f"{name}: {{start: {{p_W: [{9 * x}, 0, 0]}}}}" for x, name in enumerate("abc"))
+    result = fly(f"wind: {{gusts: [{GUST % 50}, {GUST % 60}]}}\nvehicles: {{{places}}}\n", "expect: []\n")
+    assert len(reasons(result)) == 6
+    assert len(asked) == len(set(asked)) == 3
 
 
 @pytest.mark.parametrize("mcap", ["true", "false"])
