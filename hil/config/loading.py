@@ -19,6 +19,7 @@ from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
+from hil.config.checks.search_checks import search_problems
 from hil.config.checks.sky_checks import almanac_problems
 from hil.config.files import available, find, is_bare
 from hil.config.formation import shifted_mission
@@ -300,7 +301,7 @@ class BenchLoading:
             parts, part_problems = resolve_parts(config.parts, self.settings)
             config = without_unset_limits(config.model_copy(update={"sensors": sensors, "parts": parts}))
             self.problems += part_problems
-            for check in (cross_problems, autopilot_problems, noise_problems, intake_problems):
+            for check in (cross_problems, autopilot_problems, noise_problems, intake_problems, search_problems):
                 self.problems += check(config, self.settings)
             if config.companion.on or config.companion.control:
                 from hil.config.checks.companion_checks import companion_problems  # loads ZeroMQ

@@ -8,7 +8,7 @@ from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from hil.config.sensors.resolve import sample_types
 from signals.documents.document import Place
-from signals.documents.validate import at, nearest
+from signals.documents.validate import at
 from signals.errors import Problem
 from sim.physics.faults import misfits
 from sim.physics.surface_faults import surface_misfits
@@ -89,14 +89,6 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
         if within_m is not None and within_m >= way_m and config.goal.outcome == "goal":
             message = f"is {within_m:g} m, and the start is {way_m:.1f} m from the goal: nothing would have to be flown"
             report(("goal", "within_m"), message)
-    if config.search is not None:
-        if not config.companion.on:
-            report(("search",), "needs a companion that searches", "companion: {start: [detect]}")
-        camera = config.sensors.get(config.search.camera)
-        if camera is None or camera.kind != "camera":
-            cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
-            hint = nearest(config.search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
-            report(("search", "camera"), f"is not a camera of this bench: {config.search.camera!r}", hint)
     if not config.autopilot.lockstep and config.pace not in (None, 1.0):
         report(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems

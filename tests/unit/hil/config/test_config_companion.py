@@ -36,6 +36,44 @@ def problem(*lines: str, more: str = "", rig: str | None = None) -> str:
     return only
 
 
+SEARCH = """\
+scene: airfield
+sensors: {front: {kind: camera, resolution: [64, 48], fov_deg: 80, rate_hz: 2}}
+search:
+  label: %s
+"""
+
+
+@pytest.mark.parametrize(
+    ("label", "clients", "told"),
+    [
+        ("preson", "start: [detect]", "is not a class of the detector: 'preson' (did you mean 'person'?)"),
+        ("Person", "start: [detect]", "is not a class of the detector: 'Person' (did you mean 'person'?)"),
+        ("zebra", "start: [echo, detect]", "'zebra' (known: barrel, "),
+        ("zebra", "start: [{name: detect, settings: {model: good}}]", "'zebra' (known: barrel, "),
+        ("vehicle", "start: [detect]", "is 'vehicle', and detect reports the objects of person alone"),
+        ("person", "start: [{name: detect, settings: {objects: [dog, bin]}}]", "the objects of dog, bin alone"),
+        ("person", "start: [detect]", None),
+        ("vehicle", "settings: {objects: [person, vehicle]}, start: [detect]", None),
+        ("vehicle", "settings: {objects: null}, start: [detect]", None),
+        ("zebra", "start: [detect, my.own:client]", None),
+        ("zebra", "start: [detect], clients: 2", None),
+        ("zebra", "clients: 1", None),
+        ("zebra", "settings: {model: mine.onnx}, start: [detect]", None),
+        ("zebra", "settings: {threshold: high}, start: [detect]", None),
+    ],
+)
+def test_a_search_for_what_the_detector_never_reports_is_refused(label: str, clients: str, told: str | None) -> None:
+    """The flight failed with nobody found."""
+    text = SEARCH % label + f"companion: {{{clients}}}\n"
+    if told is None:
+        assert bench_files.load(text)
+    else:
+        (refused,) = bench_files.refused(text)
+        assert refused.startswith("b.yaml:4: search.label ")
+        assert told in refused
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
