@@ -7,6 +7,7 @@ place where it was written.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -279,7 +280,7 @@ class BenchLoading:
                 continue
             place = ("follow", key)
             folders = (*self.beside, Path()) if self.settings.where(place).rpartition(":")[2].isdigit() else (Path(),)
-            found = [path for folder in folders if (path := folder / Path(name).expanduser()).exists()]
+            found = [path for folder in folders if os.path.exists(path := folder / os.path.expanduser(name))]
             if found:
                 self.settings.set(place, str(found[0].resolve()), self.settings.where(place))
             else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.config.checks.cross_checks import rate_problem
@@ -55,7 +55,7 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
             f"is true, but manual.device is {config.manual.device!r}: both would command the vehicle",
             "leave one out",
         )
-    if companion.trace is not None and not Path(companion.trace).is_file():
+    if companion.trace is not None and not os.path.isfile(companion.trace):
         report("trace", f"names a file that does not exist: {companion.trace}")
     if companion.trace is not None:
         return problems  # a trace needs no link

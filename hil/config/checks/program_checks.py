@@ -21,9 +21,9 @@ def program_problem(path: Path, program: Program, other: Program | None = None) 
     `other`: a program that it may be mistaken for. A script is taken as it is. On systems whose programs are not ELF
     files only the contents are checked.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         return f"names a folder, not a program: {path}"
-    if not path.is_file():
+    if not os.path.isfile(path):
         return f"names a program that does not exist: {path}"
     if not os.access(path, os.X_OK):
         return f"names a file that is not executable: {path}"

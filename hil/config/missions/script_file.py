@@ -6,6 +6,7 @@ script does not fit the bench, such as a sensor or rotor that does not exist.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -76,7 +77,7 @@ def read_script(path: Path) -> MissionScript:
 def _find_plan(script: Path, name: str) -> Path | None:
     """Find the plan relative to the script, or by its name beside the script, as in the folder of a run."""
     for candidate in (script.parent / name, script.parent / Path(name).name):
-        if candidate.is_file():
+        if os.path.isfile(candidate):
             return candidate
     return None
 

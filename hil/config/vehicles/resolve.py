@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -182,7 +183,7 @@ def _raised(address: Any, number: int) -> Any:
 
 def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, file: str) -> Bench:
     """Load the bench of a vehicle from a file of its own, as in the folder of a run."""
-    path = next((folder / file for folder in (*loading.beside, Path()) if (folder / file).is_file()), None)
+    path = next((folder / file for folder in (*loading.beside, Path()) if os.path.isfile(folder / file)), None)
     if path is None:
         raise ConfigError([at(loading.settings, place, f"names a file that does not exist: {file}")])
     loaded = BenchLoading(path, {}, _general(loading), scene=bench.scene)

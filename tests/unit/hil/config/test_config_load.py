@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -411,3 +412,25 @@ def test_a_wrong_value_in_a_list_of_a_vehicle_is_one_problem(tmp_path: Path) -> 
         with pytest.raises(ConfigError) as error:
             load_bench(settings=[f"vehicle={tmp_path / 'mine.yaml'}"])
         assert [p.message for p in error.value.problems] == [problem]
+
+
+LONG = "a" * 300
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (f"follow: {{log: {LONG}.ulg}}", "follow.log"),
+        (f"follow: {{columns: {LONG}}}", "follow.columns"),
+        ("follow: {log: ~nobody-of-that-name/a.ulg}", "follow.log"),
+        (f"companion: {{start: [echo], trace: {LONG}}}", "companion.trace"),
+        (f"rig: px4_sitl\nautopilot: {{binary: /{LONG}}}", "autopilot.binary"),
+        (f"vehicles: {{b: {LONG}.yaml}}", "vehicles.b"),
+        ("mission: m.yaml", "plan"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_of_a_file_that_does_not_exist(text: str, key: str) -> None:
+    """It was a defect of the bench, status 3."""
+    Path("m.yaml").write_text(f"plan: {LONG}.plan\n")
+    told = refused(text + "\n")
+    assert any(re.search(rf"\.yaml:\d+: {key}:? names a (file|program) that does not exist: ", line) for line in told)
