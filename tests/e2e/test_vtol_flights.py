@@ -16,9 +16,9 @@ FLAT = (0.0, 0.0, 0.0, 0.0)
 TO_HOVER, TO_WINGS = (3.0, 0.0, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0)
 
 
-def fly(tmp_path: Path, more: str = "", *, params: str = "", items: list[Item] | None = None) -> RunResult:
+def fly(tmp_path: Path, more: str = "", *, autopilot: str = "", items: list[Item] | None = None) -> RunResult:
     """Fly rigs/vtol.yaml with more sections."""
-    text = BENCH + f"autopilot: {{transport: loopback, params: {{{params}}}}}\n"
+    text = BENCH + f"autopilot: {{transport: loopback, {autopilot}}}\n"
     text += "record: {mcap: false, tlog: false, report: false}\n" + more
     if items is not None:
         mission = mission_file(tmp_path / "flown.waypoints", items)
@@ -57,7 +57,6 @@ def test_loiters_and_a_waypoint_in_hover_between_two_flights_on_the_wings(tmp_pa
     assert mission["final_error_m"] < 0.7
 
 
-@pytest.mark.slow
 def test_return_from_hover(tmp_path: Path) -> None:
     items: list[Item] = [
         (22, FLAT, (0.0, 0.0), 20.0),
@@ -65,7 +64,8 @@ def test_return_from_hover(tmp_path: Path) -> None:
         (16, FLAT, (30.0, 20.0), 20.0),
         (20, FLAT, None, 0.0),
     ]
-    result = fly(tmp_path, params="NAV_FORCE_VT: 0", items=items)
+    (tmp_path / "hover.params").write_text("NAV_FORCE_VT 0\n")
+    result = fly(tmp_path, autopilot="params_file: hover.params", items=items)
     assert result.run["error"] is None
     mission = result.run["mission"]
     assert mission["reached"] == 2
@@ -105,7 +105,7 @@ def test_a_minimum_altitude_on_the_wings(tmp_path: Path) -> None:
         (16, FLAT, (300.0, 250.0), 15.0),
         (85, FLAT, (0.0, 0.0), 0.0),
     ]
-    result = fly(tmp_path, params="VT_FW_MIN_ALT: 25", items=items)
+    result = fly(tmp_path, autopilot="params: {VT_FW_MIN_ALT: 25}", items=items)
     assert "quad-chute, minimum altitude" in reasons(result)
     assert result.run["mission"]["landed"]
     assert result.run["mission"]["landed_tilt_deg"] < 5.0

@@ -136,7 +136,7 @@ def _launch_problems(config: BenchConfig, launch: Launch, vehicle: Vehicle, sett
             f"{vehicle.standing_height_m:.2f} m to be clear of it"
         )
         return [at(settings, ("start", "launch"), message, "raise height_m or elevation_deg")]
-    params = config.autopilot.params
+    params = config.autopilot.all_params
     if not params.get("FW_LAUN_DETCN_ON"):
         return []
     if launch.at_s is None:

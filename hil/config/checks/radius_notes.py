@@ -47,7 +47,7 @@ def _wings_at(bench: Bench) -> list[bool]:
     """Return for every item of the mission whether the vehicle flies there on its wings."""
     assert bench.mission is not None
     if is_vtol(bench.vehicle):
-        return on_wings(bench.mission.items, bench.config.autopilot.params)
+        return on_wings(bench.mission.items, bench.config.autopilot.all_params)
     return [is_plane(bench.vehicle)] * len(bench.mission.items)
 
 

@@ -19,7 +19,7 @@ def vtol_mission_problems(bench: Bench, mission: Mission) -> list[Problem]:
     """Report transitions too near to the ground, and items that the present regime does not fly."""
     config, vehicle = bench.config, bench.vehicle
     problems: list[Problem] = []
-    params = config.autopilot.params
+    params = config.autopilot.all_params
     least = max(_LEAST_M, float(params.get(_LEAST_KEY, 0.0)))
     height_of = {leg.seq: leg.end_W[2] - config.start.p_W[2] for leg in bench.legs}
     height = 0.0

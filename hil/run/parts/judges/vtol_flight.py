@@ -27,7 +27,7 @@ class VtolFlightPart(PlaneFlightPart):
     name = "vtol_flight"
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
-        facts, physics, params = self._facts, run.physics, self._config.autopilot.params
+        facts, physics, params = self._facts, run.physics, self._config.autopilot.all_params
         vehicle = run.bench.vehicle
 
         def wind_at() -> Vec3:

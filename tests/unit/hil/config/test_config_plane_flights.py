@@ -154,8 +154,10 @@ def test_a_launch_too_weak_to_be_seen(tmp_path: Path) -> None:
     assert "launch pulls with 8.0 m/s2 at most, and FW_LAUN_AC_THLD takes 12 m/s2 for a launch" in told
 
 
-def test_a_launch_that_waits_for_the_engine_that_waits_for_it(tmp_path: Path) -> None:
-    told = problems(tmp_path, PLANE + WAITS)
+@pytest.mark.parametrize("waits", [WAITS, "autopilot: {params_file: waits.params}\n"])
+def test_a_launch_that_waits_for_the_engine_that_waits_for_it(tmp_path: Path, waits: str) -> None:
+    (tmp_path / "waits.params").write_text("FW_LAUN_DETCN_ON 1\n")
+    told = problems(tmp_path, PLANE + waits)
     assert "launch is released by the engine at throttle 0.5, and with FW_LAUN_DETCN_ON the engine waits" in told
     assert "at_s: 12" in told
 

@@ -82,7 +82,9 @@ def test_waypoints_closer_than_a_turn_on_the_wings_but_not_in_hover() -> None:
     problems = told([(84, FLAT, (0.0, 0.0), 30.0), *near])
     assert any("item 3 lies 20 m from the one before, within one turn of 47 m radius" in text for text in problems)
     mission_file(Path("flown.waypoints"), [(22, FLAT, (0.0, 0.0), 30.0), *near])
-    load(BENCH.format("quadplane") + "autopilot: {params: {NAV_FORCE_VT: 0}}\n")
+    Path("hover.params").write_text("NAV_FORCE_VT 0\n")
+    for given in ("params: {NAV_FORCE_VT: 0}", "params_file: hover.params"):
+        load(BENCH.format("quadplane") + f"autopilot: {{{given}}}\n")
 
 
 def test_a_vtol_without_a_pusher() -> None:

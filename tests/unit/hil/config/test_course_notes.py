@@ -198,10 +198,11 @@ def test_a_vtol_is_told_of_waypoints_in_hover_as_a_multirotor(tmp_path: Path) ->
     path = tmp_path / "m.waypoints"
     edited("rigs/missions/vtol_circuit.waypoints", path, {2: 1e9}, {2: "8.54678820"})  # 90 m
     assert radius_notes(load_bench(Path("rigs/vtol.yaml"), mission=str(path))) == []
-    hover = ["autopilot.params.NAV_FORCE_VT=0"]
     path.write_text(path.read_text().replace("\t84\t", "\t22\t"))
-    (note,) = radius_notes(load_bench(Path("rigs/vtol.yaml"), mission=str(path), settings=hover))
-    assert "(it counts within 45.1 m)" in note
+    (tmp_path / "hover.params").write_text("NAV_FORCE_VT 0\n")
+    for hover in ("params.NAV_FORCE_VT=0", f"params_file={tmp_path}/hover.params"):
+        (note,) = radius_notes(load_bench(Path("rigs/vtol.yaml"), mission=str(path), settings=[f"autopilot.{hover}"]))
+        assert "(it counts within 45.1 m)" in note
 
 
 def test_headings_that_take_longer_than_the_way_are_told_where_the_autopilot_waits_for_them() -> None:
