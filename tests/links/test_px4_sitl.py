@@ -123,6 +123,8 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
         "PX4_PARAM_EKF2_GPS_DELAY": "100",  # latency of the here_plus; PX4's script for simulators has 10 ms
         "PX4_PARAM_SENS_GPS0_DELAY": "100",  # its name since 2026, which is unknown to older ones
         "PX4_PARAM_SENS_GPS1_DELAY": "100",
+        "PX4_PARAM_SENS_GNSS0_DELAY": "100",  # and that after it
+        "PX4_PARAM_SENS_GNSS1_DELAY": "100",
         "PX4_PARAM_EKF2_BARO_DELAY": "0",
         "PX4_PARAM_EKF2_MAG_DELAY": "0",
         "PX4_PARAM_MPC_XY_P": "0.9",
@@ -130,7 +132,7 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     }
     log = (tmp_path / "out/autopilot.log").read_text()
     assert "INFO  [fake] airframe 10016" in log
-    assert "Parameter SENS_GPS0_DELAY not found" in log  # and it flies
+    assert all(f"Parameter SENS_{kind}0_DELAY not found" in log for kind in ("GPS", "GNSS"))  # and it flies
     assert gone(started["pid"])
     assert gone(started["child"])  # the whole group
     assert result.run["autopilot"]["link"]["bad_crc"] == 0

@@ -5,8 +5,8 @@ barometer's. No message has the angles of vanes.
 
 PX4 stamps a sample when it arrives, and its estimator takes it as `EKF2_*_DELAY` old. Its start script for simulators
 that send MAVLink has 10 ms for the GPS (px4-rc.mavlinksim): with a receiver of 100 ms the estimate lags behind the
-vehicle by 90 ms. In 2026 EKF2_GPS_DELAY became SENS_GPS0_DELAY and SENS_GPS1_DELAY; of a parameter that a build does
-not have, its start script says so in the log, and goes on.
+vehicle by 90 ms. In 2026 EKF2_GPS_DELAY became SENS_GPS0_DELAY and SENS_GPS1_DELAY, and those SENS_GNSS0_DELAY and
+SENS_GNSS1_DELAY; of a parameter that a build does not have, its start script says so in the log, and goes on.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from firmware_bridge.autopilots.intake import Delay, Intake, Samples
 
 _DEFAULT_DELAY_MAX_MS = 200.0
+_OF_GPS = ("EKF2_GPS_DELAY", *(f"SENS_{kind}{number}_DELAY" for kind in ("GPS", "GNSS") for number in (0, 1)))
 
 
 def _delay(*names: str) -> Delay:
@@ -31,7 +32,7 @@ SENSORS: dict[str, Intake] = {
     "gps": Samples(
         ("altitude_m", "latitude_deg", "longitude_deg", "v_W"),
         whole=("dropout", "freeze", "jammer", "spoofer"),
-        delay=_delay("EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GPS1_DELAY"),
+        delay=_delay(*_OF_GPS),
     ),
     "range_finder": Samples(("distance_m",), delay=_delay("EKF2_RNG_DELAY")),
     "optical_flow": Samples(("flow_rad", "gyro_rad", "distance_m"), delay=_delay("EKF2_OF_DELAY")),

@@ -107,8 +107,8 @@ def test_the_bench_decides_over_the_vehicle() -> None:
 def test_px4_gets_the_rotors_unless_it_has_them() -> None:
     start = ["autopilot.start=false"]
     iris = load_bench(rig="px4_sitl", settings=start)
-    gps = ("EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GPS1_DELAY")
-    of_sensors = dict.fromkeys(gps, 100.0) | {"EKF2_BARO_DELAY": 0.0, "EKF2_MAG_DELAY": 0.0}
+    gps = [f"SENS_{kind}_DELAY" for kind in ("GPS0", "GPS1", "GNSS0", "GNSS1")]
+    of_sensors = dict.fromkeys(("EKF2_GPS_DELAY", *gps), 100.0) | {"EKF2_BARO_DELAY": 0.0, "EKF2_MAG_DELAY": 0.0}
     assert px4_airframe(iris) == ("none_iris", of_sensors)
     octa = load_bench(rig="px4_sitl", settings=[*start, "vehicle=octa_x"])
     airframe, params = px4_airframe(octa)

@@ -89,7 +89,8 @@ def told_delays(tmp_path: Path, more: str) -> dict[str, str]:
 
 def gps_delay(ms: str) -> dict[str, str]:
     """Return the delay of the GPS under the names of all versions of PX4."""
-    return dict.fromkeys(("EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GPS1_DELAY"), ms)
+    names = ("EKF2_GPS_DELAY", "SENS_GPS0_DELAY", "SENS_GPS1_DELAY", "SENS_GNSS0_DELAY", "SENS_GNSS1_DELAY")
+    return dict.fromkeys(names, ms)
 
 
 def test_px4_is_told_how_old_the_samples_of_the_sensors_are(tmp_path: Path) -> None:
