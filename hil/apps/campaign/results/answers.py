@@ -35,7 +35,7 @@ class LiveSummary:
         if now_s >= self._next_s:
             self._next_s = now_s + _LIVE_PERIOD_S
             doing = {"phase": state.phase, "done": state.done, "total": state.total}
-            more = {**self._facts(), "exit_status": state.tally.exit_status, "complete": False, "doing": doing}
+            more = {**self._facts(), "exit_status": None, "complete": False, "doing": doing}
             tables.write_summary(self._path, state.tally, more)
 
 

@@ -250,10 +250,10 @@ def test_campaign_json_tells_of_a_campaign_that_goes_on(tmp_path: Path) -> None:
         campaign.unfinished = False
         tally = write_results(campaign).tally
     assert [state.done for state in states] == [0, 1, 2]
-    assert going_on["complete"] is False
+    assert (going_on["complete"], going_on["exit_status"]) == (False, None)
     assert going_on["doing"] == {"phase": "flights", "done": 0, "total": 8}  # the later ones came within the period
     ended = json.loads((tmp_path / "campaign.json").read_text())
     assert set(going_on) < set(ended)
     assert (ended["schema"], ended["cases"], ended["complete"], ended["doing"]) == (1, 8, True, None)
-    assert tally.cases == 8
+    assert (tally.cases, ended["exit_status"]) == (8, tally.exit_status)
     assert {"results.csv", "results.jsonl", "junit.xml", "report.html"} <= {path.name for path in tmp_path.iterdir()}
