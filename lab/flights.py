@@ -18,6 +18,7 @@ What was cut out of the others stands in a table of notes.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -99,7 +100,7 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
 
 
 def _files(folder: Path) -> list[Path]:
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise ConfigError([Problem(f"--logs {folder}", "is no folder", "name the folder that holds the logs")])
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES)
     if not files:

@@ -6,6 +6,7 @@ package. A bench can therefore have its own rig beside it, and `hil run` works i
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -69,10 +70,7 @@ def find(kind: str, name: str, beside: Sequence[Path]) -> Path | None:
 def _candidates(kind: str, name: str, folder: Path, rigs_folder: Path) -> list[Path]:
     if is_bare(kind, name):
         return [rigs_folder / FOLDERS[kind] / f"{name}.yaml"]
-    try:
-        return [folder / Path(name).expanduser()]
-    except RuntimeError:  # '~name/...' without such a user
-        return []
+    return [folder / os.path.expanduser(name)]
 
 
 def is_bare(kind: str, name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -108,7 +109,7 @@ def vehicle_misfits(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[
     unfit = tilt_problem(vehicle) if isinstance(vehicle, Vtol) else None
     if unfit is not None:
         found.append(Misfit(("vehicle",), *unfit))
-    lacking = [] if settings.binary is None else _lacking_modules(Path(settings.binary).expanduser(), vehicle)
+    lacking = [] if settings.binary is None else _lacking_modules(Path(os.path.expanduser(settings.binary)), vehicle)
     if lacking:
         message = f"this PX4 cannot fly {vehicle.name!r}: it was built without {', '.join(lacking)}"
         found.append(

@@ -121,14 +121,18 @@ def make_engine(options: CampaignOptions, file: CampaignFile, workers: int, cons
 
 
 def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
-    """Return the problems of a campaign that can be found without a flight: its bench with every value of an axis."""
+    """Return the problems of a campaign that can be found without a flight: its bench with every value of an axis.
+
+    Raises ConfigError if there is no such bench.
+    """
+    path = file.bench_path
     if file.spec.skip and len(plan) <= MANY and next(iter(plan), None) is None:
         return [file.problem(("skip",), "leaves no point of the plan")]
     problems: dict[tuple[str, str], Problem] = {}  # by what the bench says, so that each is told once
     flown = False
     for axis, point in plan.trials():
         try:
-            bench = load_bench(file.bench_path, settings=point.texts)
+            bench = load_bench(path, settings=point.texts)
             flown |= any(is_flown(vehicle) for vehicle in bench.each_vehicle.values())
             if bench.config.foxglove.port is not None and bench.config.foxglove.paused:
                 text = "is true: each flight would wait for a client"

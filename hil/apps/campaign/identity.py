@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -62,7 +63,7 @@ def _content(path: str | None) -> str | None:
     """Return a hash of a file's content; the text itself if there is no such file."""
     if path is None:
         return None
-    file = Path(path).expanduser()
+    file = Path(os.path.expanduser(path))
     try:
         state = file.stat()
         return _hash_of(file, state.st_mtime_ns, state.st_size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from firmware_bridge.autopilots.catalog import PROFILES
@@ -57,7 +58,7 @@ def build_problems(config: BenchConfig, settings: Settings, *, winged: bool) -> 
     program, other = (autopilot.profile.program_for(winged=wings) for wings in (winged, not winged))
     if autopilot.binary is None or not autopilot.start or program is None:
         return []
-    problem = program_problem(Path(str(autopilot.binary)).expanduser(), program, other if other != program else None)
+    problem = program_problem(Path(os.path.expanduser(autopilot.binary)), program, other if other != program else None)
     return [] if problem is None else [at(settings, ("autopilot", "binary"), problem, program.makes)]
 
 

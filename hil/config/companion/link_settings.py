@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from hil.config.schema import Companion
 
 def link_settings(companion: Companion) -> CompanionSettings:
     """Translate the section. Raises ConfigError for values that exclude each other."""
-    keys = None if companion.keys is None else Path(companion.keys).expanduser()
+    keys = None if companion.keys is None else Path(os.path.expanduser(companion.keys))
     return CompanionSettings(
         bind=bind_address(companion),
         arrangement=companion.arrangement,

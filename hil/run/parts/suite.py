@@ -14,11 +14,12 @@ if the bench sets them itself. A suite may not notice a hard impact, though, so 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from firmware_bridge.links.ardupilot.home_check import home_text
 from firmware_bridge.links.child_process import ChildProcess
@@ -42,6 +43,13 @@ class Settings(Section):
     command: Annotated[tuple[str, ...], Field(min_length=1)]  # program and arguments
     folder: str = "."  # in which it runs
 
+    @field_validator("folder")
+    @classmethod
+    def _is_folder(cls, folder: str) -> str:
+        if not os.path.isdir(os.path.expanduser(folder)):
+            raise ValueError(f"names a folder that does not exist: {folder}")
+        return folder
+
 
 class SuitePart(Part):
     name = "test_suite"
@@ -64,7 +72,7 @@ class SuitePart(Part):
         self._process = ChildProcess(
             list(self._settings.command),
             stderr_path=out / LOG_NAME,
-            cwd=Path(self._settings.folder).expanduser(),
+            cwd=Path(os.path.expanduser(self._settings.folder)),
             env=env,
             log_output=True,
             own_group=True,

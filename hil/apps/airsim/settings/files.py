@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def load_settings(option: str | None = None) -> tuple[AirSimSettings, str]:
     """
     if option is not None and option.lstrip().startswith("{"):
         return read_settings(option, "--settings"), "the option --settings"
-    path = find_settings() if option is None else Path(option).expanduser()
+    path = find_settings() if option is None else Path(os.path.expanduser(option))
     if path is None:
         return read_settings("{}", "settings.json"), "AirSim's default values"
     return read_settings(read_text(path, limit_bytes=_LIMIT_BYTES), shown_path(path)), shown_path(path)

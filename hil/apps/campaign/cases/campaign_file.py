@@ -16,6 +16,7 @@ name of its own.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,7 +114,7 @@ class CampaignFile:
         if self.spec.bench is None:
             return default_bench()
         found = self.located(self.spec.bench)
-        if not found.is_file():
+        if not os.path.isfile(found):
             places = f"looked beside {shown_path(self.path)}, in the working directory and in the installation"
             raise ConfigError([at(self.document, ("bench",), f"names no file: {self.spec.bench}", places)])
         return found
@@ -123,7 +124,7 @@ class CampaignFile:
         import rigs
 
         folders = (self.path.parent, Path(), Path(rigs.__file__).resolve().parent.parent)
-        return next((folder / name for folder in folders if (folder / name).is_file()), Path(name))
+        return next((folder / name for folder in folders if os.path.isfile(folder / name)), Path(name))
 
     def problem(self, place: tuple[str | int, ...], message: str, hint: str = "") -> Problem:
         """Return a problem at a place of the file."""

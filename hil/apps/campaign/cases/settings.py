@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -104,7 +105,7 @@ def _located(settings: Mapping[str, Any], folder: Path | None) -> dict[str, Any]
         return dict(settings)
 
     def whole(name: Any) -> Any:
-        inside = isinstance(name, str) and name and not Path(name).is_absolute() and (folder / name).is_file()
+        inside = isinstance(name, str) and name and not os.path.isabs(name) and os.path.isfile(folder / name)
         return str((folder / name).resolve()) if inside else name
 
     located = {key: whole(value) if key in _FILES else value for key, value in settings.items()}

@@ -425,12 +425,17 @@ LONG = "a" * 300
         ("follow: {log: ~nobody-of-that-name/a.ulg}", "follow.log"),
         (f"companion: {{start: [echo], trace: {LONG}}}", "companion.trace"),
         (f"rig: px4_sitl\nautopilot: {{binary: /{LONG}}}", "autopilot.binary"),
+        ("rig: px4_sitl\nautopilot: {binary: ~nobody-of-that-name/px4}", "autopilot.binary"),
         (f"vehicles: {{b: {LONG}.yaml}}", "vehicles.b"),
+        ("parts: {test_suite: {command: [ls], folder: nowhere}}", "parts.test_suite.folder"),
+        ("parts: {test_suite: {command: [ls], folder: ~nobody-of-that-name}}", "parts.test_suite.folder"),
         ("mission: m.yaml", "plan"),
     ],
 )
 def test_a_name_that_no_file_can_have_is_of_a_file_that_does_not_exist(text: str, key: str) -> None:
-    """It was a defect of the bench, status 3."""
+    """It was a defect of the bench, status 3, and a folder of a test suite was made."""
     Path("m.yaml").write_text(f"plan: {LONG}.plan\n")
     told = refused(text + "\n")
-    assert any(re.search(rf"\.yaml:\d+: {key}:? names a (file|program) that does not exist: ", line) for line in told)
+    assert any(
+        re.search(rf"\.yaml:\d+: {key}:? names a (file|program|folder) that does not exist: ", line) for line in told
+    )

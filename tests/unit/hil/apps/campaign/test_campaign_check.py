@@ -65,6 +65,16 @@ def test_an_unknown_axis_is_told_once_with_its_line(tmp_path: Path, capsys: pyte
     assert "campaign.yaml:5: --set wnd: unknown key (did you mean 'wind'?)" in line
 
 
+@pytest.mark.parametrize("name", ["n" * 300, "nowhere.yaml", "~nobody-of-that-name/b.yaml"])
+def test_a_bench_that_there_is_not_is_told_with_its_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The place stood twice before the message, and the name of 300 bytes was a defect of the bench."""
+    status, printed = check(tmp_path, f"bench: {name}\n{GOOD}", capsys)
+    assert status == 2
+    assert printed.startswith(f"error: {tmp_path}/campaign.yaml:1: bench names no file: {name} ")
+
+
 def test_a_mistake_in_the_file_itself_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, printed = check(tmp_path, GOOD.replace("uniform: [-3, 3]", "uniform: [3, -3]"), capsys)
     assert status == 2
