@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from hil.config.companion.clients import known_clients, make_client_importable
 from hil.config.layers import Settings
@@ -23,38 +24,45 @@ def search_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     def report(place: tuple[str, ...], message: str, hint: str) -> None:
         problems.append(at(settings, ("search", *place), message, hint))
 
-    if not config.companion.on:
+    companion = config.companion
+    shipped = _are_shipped(companion)
+    detectors = [cut for cut in companion.start if cut.name == _DETECTOR]
+    if not companion.on or (shipped and not detectors):
         report((), "needs a companion that searches", "companion: {start: [detect]}")
     camera = config.sensors.get(search.camera)
     if camera is None or camera.kind != "camera":
         cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
         hint = nearest(search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
         report(("camera",), f"is not a camera of this bench: {search.camera!r}", hint)
-    classes, reported = _labels(config.companion)
-    if classes and search.label not in classes:
-        report(("label",), f"is not a class of the detector: {search.label!r}", nearest(search.label, classes))
-    elif reported and search.label not in reported:
-        text = f"is {search.label!r}, and detect reports the objects of {', '.join(reported)} alone"
-        report(("label",), text, f"companion: {{settings: {{objects: [{search.label}]}}}}")
+    if shipped and detectors:
+        classes, reported = _labels({**companion.settings, **detectors[0].settings})
+        if classes and search.label not in classes:
+            report(("label",), f"is not a class of the detector: {search.label!r}", nearest(search.label, classes))
+        elif classes and search.label not in reported:
+            text = f"is {search.label!r}, and detect reports the objects of {', '.join(reported) or 'nothing'} alone"
+            report(("label",), text, f"companion: {{settings: {{objects: [{search.label}]}}}}")
     return problems
 
 
-def _labels(companion: Companion) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the classes of the model of `detect` and the labels of the objects that it reports, or () if unknown.
+def _are_shipped(companion: Companion) -> bool:
+    """Return True if no other client than shipped ones can report objects, as far as the bench tells."""
+    if not companion.start or companion.clients > len(companion.start) or companion.trace is not None:
+        return False
+    return all(cut.name in known_clients() for cut in companion.start)
 
-    Unknown they are where another client may report objects, or `detect` will end with an error of its settings.
+
+def _labels(settings: Mapping[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+    """Return the classes of the model of `detect`, and the labels of the objects that it reports.
+
+    Both are () if `detect` will end with an error of these settings, or of its model.
     """
-    started = [cut for cut in companion.start if cut.name == _DETECTOR]
-    others = [cut for cut in companion.start if cut.name not in known_clients()]
-    if not started or others or companion.clients > len(companion.start) or companion.trace is not None:
-        return (), ()
     make_client_importable()
     from hil_companion.cuts.detect_settings import DetectSettings
     from hil_companion.detect.model_file import ModelFile
     from hil_companion.errors import OptionError
 
     try:
-        chosen = DetectSettings(**{**companion.settings, **started[0].settings})
+        chosen = DetectSettings(**settings)
         classes = ModelFile.load(chosen.model).classes
     except (OptionError, TypeError):
         return (), ()

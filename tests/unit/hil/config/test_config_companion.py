@@ -74,6 +74,12 @@ def test_a_search_for_what_the_detector_never_reports_is_refused(label: str, cli
         assert told in refused
 
 
+def test_a_search_without_a_client_that_reports_objects_is_refused() -> None:
+    (refused,) = bench_files.refused(SEARCH % "person" + "companion: {start: [echo, record]}\n")
+    assert refused == "b.yaml:3: search needs a companion that searches (companion: {start: [detect]})"
+    assert bench_files.load(SEARCH % "person" + "companion: {start: [echo], clients: 2}\n")
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
