@@ -33,7 +33,7 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
     key = source.key(scene)
     world = _cached(key, lambda: compile_source(scene, source))
     appearance = scene.appearance
-    if appearance is not None and (appearance.people is not None or appearance.objects is not None):
+    if appearance is not None and appearance.adds:
         base = world
         key += f" {appearance.seed}"
         for limits in (appearance.people, appearance.objects):

@@ -1,7 +1,7 @@
-"""Random appearance of a scene: the seed, and the limits of surface colours and of added people.
+"""Random appearance of a scene: the seed, and the limits of surface colours, of added people and objects.
 
-Surfaces and people depend on the scene's geometry, so a scene carries only the seed and the limits. `load_world`
-(sim/world_loader.py) adds the people; a `World` computes the surfaces' colours when they are first needed.
+All depend on the scene's geometry, so a scene carries only the seed and the limits. `load_world`
+(sim/world_loader.py) adds people and objects; a `World` computes the surfaces' colours when they are first needed.
 """
 
 from __future__ import annotations
@@ -60,3 +60,8 @@ class Appearance:
     textures: TextureLimits | None
     people: PeopleLimits | None
     objects: ObjectLimits | None = None
+
+    @property
+    def adds(self) -> bool:
+        """True if anything may be added to the map."""
+        return self.people is not None or self.objects is not None

@@ -245,7 +245,12 @@ def test_kinds_of_objects_are_those_asked_for() -> None:
     assert set(kinds) == {"dog", "bird"}
     assert kinds.count("dog") > kinds.count("bird")
     assert len({added["heading_deg"] for added in told["objects"]}) == 12
-    assert take_off_problem(scene, load_vehicle("x500")) is None
+    # They are solid, though the scene has no map.
+    bare, vehicle = load_scene("airfield"), load_vehicle("x500")
+    scene, told = of(5, bare, objects={"count": (12, 12)})
+    assert take_off_problem(scene, vehicle) is None
+    alone = build_model(bare, vehicle, contact_step_s=0.001)
+    assert build_model(scene, vehicle, contact_step_s=0.001).ngeom >= alone.ngeom + len(told["objects"]) > alone.ngeom
     with pytest.raises(ValueError, match="kinds"):
         of(5, objects={"kinds": ["unicorn"]})
 
