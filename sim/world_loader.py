@@ -1,4 +1,4 @@
-"""Load the world of a scene: the compiled map, with the people that randomisation adds to it.
+"""Load the world of a scene: the compiled map, with the people and objects that randomisation adds to it.
 
 Compiling takes up to several seconds, so the last few worlds are cached.
 """
@@ -9,10 +9,8 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from signals.errors import ConfigError
-from sim.scene.appearance import PeopleLimits
+from sim.scene.appearance import Appearance
 from sim.scene.compile.world_compiler import compile_map, compile_source, map_source, read_only
 from sim.scene.scene import Scene
 from sim.scene.world import World
@@ -35,10 +33,12 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
     key = source.key(scene)
     world = _cached(key, lambda: compile_source(scene, source))
     appearance = scene.appearance
-    if appearance is not None and appearance.people is not None:
-        base, limits, seed = world, appearance.people, appearance.seed
-        key += f" {seed} {limits.model_dump_json()}"
-        world = _cached(key, lambda: _with_people(base, limits, seed))
+    if appearance is not None and appearance.adds:
+        base = world
+        key += f" {appearance.seed}"
+        for limits in (appearance.people, appearance.objects):
+            key += f" {limits.model_dump_json() if limits is not None else None}"
+        world = _cached(key, lambda: _with_additions(base, appearance))
     if world.scene != scene:
         world = _worlds[key] = replace(world, scene=scene)
     scene.file.cache["world"] = world
@@ -54,18 +54,25 @@ def _cached(key: str, make: Callable[[], World]) -> World:
     return _worlds[key]
 
 
-def _with_people(base: World, limits: PeopleLimits, seed: int) -> World:
-    """Return the world with the people that a seed adds; everything in `base` keeps its numbers."""
-    # Imported here because most worlds have no added people.
+def _with_additions(base: World, appearance: Appearance) -> World:
+    """Return the world with the people and objects that a seed adds; everything in `base` keeps its numbers."""
+    # Imported here because most worlds have nothing added.
+    from sim.randomize import objects, people
     from sim.randomize.free_ground import FreeGround
-    from sim.randomize.people import draw_people, map_with
 
-    people = draw_people(limits, seed, FreeGround(base))
-    if not people:
+    ground, seed = FreeGround(base), appearance.seed
+    # People first: so added objects never move them.
+    new_people = () if appearance.people is None else people.draw_people(appearance.people, seed, ground)
+    new_objects = () if appearance.objects is None else objects.draw_objects(appearance.objects, seed, ground)
+    if not new_people and not new_objects:
         return base
     class_table = dict(zip(base.class_names, base.class_colours, strict=True))
-    world = compile_map(base.scene, map_with(people, base.map), class_table)
-    # The map's own patterns for classes may match the names of added people too.
-    is_added = np.arange(world.model.ngeom) >= base.model.ngeom
-    geom_class = np.where(is_added, base.class_names.index("person"), world.geom_class).astype(np.uint8)
-    return replace(world, geom_class=read_only(geom_class), added_people=people)
+    extended = objects.map_with(new_objects, people.map_with(new_people, base.map))
+    world = compile_map(base.scene, extended, class_table)
+    # The map's own patterns for classes may match the names of what is added, too.
+    class_of = {added.name: added.class_name for added in new_objects}
+    geom_class = world.geom_class.copy()
+    for geom in range(base.model.ngeom, world.model.ngeom):
+        body = world.model.body(world.model.geom_bodyid[geom]).name
+        geom_class[geom] = base.class_names.index(class_of.get(body, "person"))
+    return replace(world, geom_class=read_only(geom_class), added_people=new_people, added_objects=new_objects)

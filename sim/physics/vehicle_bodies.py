@@ -99,7 +99,9 @@ def with_vehicles(base: World, vehicles: Mapping[str, Vehicle]) -> World:
     # The map's own patterns for classes may match the names of vehicles too.
     geom_class = np.full(world.model.ngeom, base.class_names.index(VEHICLE_CLASS), np.uint8)
     geom_class[~is_added] = base.geom_class
-    return replace(world, geom_class=read_only(geom_class), added_people=base.added_people)
+    return replace(
+        world, geom_class=read_only(geom_class), added_people=base.added_people, added_objects=base.added_objects
+    )
 
 
 def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:

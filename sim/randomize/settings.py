@@ -16,7 +16,7 @@ from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
 from signals.documents.validate import StrictModel, read_by
-from sim.scene.appearance import PeopleLimits, TextureLimits
+from sim.scene.appearance import ObjectLimits, PeopleLimits, TextureLimits
 from sim.scene.limits import Limits, Share, within
 
 
@@ -69,7 +69,7 @@ class NoiseLimits(StrictModel):
     gps: Annotated[Limits, within(0.01, 100.0)] | None = (0.5, 2.0)
 
 
-FEATURES = ("light", "haze", "textures", "people", "noise")
+FEATURES = ("light", "haze", "textures", "people", "objects", "noise")
 
 
 class Randomize(StrictModel):
@@ -80,6 +80,7 @@ class Randomize(StrictModel):
     haze: Annotated[HazeLimits | None, _Switch(HazeLimits)] = None
     textures: Annotated[TextureLimits | None, _Switch(TextureLimits)] = None
     people: Annotated[PeopleLimits | None, _Switch(PeopleLimits)] = None
+    objects: Annotated[ObjectLimits | None, _Switch(ObjectLimits)] = None
     noise: Annotated[NoiseLimits | None, _Switch(NoiseLimits)] = None
 
     @property

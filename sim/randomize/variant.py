@@ -33,7 +33,7 @@ def randomized(scene: Scene, settings: Randomize, seed: int) -> Scene:
         changed["weather"] = draw_weather(scene.weather, settings.haze, seed)
         changed["light"] = changed.get("light", scene.light).model_copy(update={"fog_per_m": 0.0})
     return scene.model_copy(update=changed).with_appearance(
-        Appearance(seed, settings.textures, settings.people), original
+        Appearance(seed, settings.textures, settings.people, settings.objects), original
     )
 
 
@@ -59,10 +59,12 @@ def drawn(scene: Scene, settings: Randomize, load: Callable[[Scene], World]) -> 
         data["light"] = scene.light.model_dump(mode="json", exclude={"fog_per_m"})
     if settings.haze is not None:
         data["haze"] = scene.weather.model_dump(mode="json", include={"visibility_m"})
-    if settings.textures is not None or settings.people is not None:
+    if any(limits is not None for limits in (settings.textures, settings.people, settings.objects)):
         world = load(scene)
         if settings.textures is not None:
             data["textures"] = {name: asdict(surface) for name, surface in world.surface_appearance.items()}
         if settings.people is not None:
             data["people"] = [person.as_data() for person in world.added_people]
+        if settings.objects is not None:
+            data["objects"] = [added.as_data() for added in world.added_objects]
     return data

@@ -147,8 +147,8 @@ class Scene(StrictModel):
 
     @property
     def has_only_boxes(self) -> bool:
-        """True if the scene is the ground plane with boxes or without: no map, no added people."""
-        return self.map is None and (self._appearance is None or self._appearance.people is None)
+        """True if the scene is the ground plane with boxes or without: no map, nothing added."""
+        return self.map is None and not (self._appearance is not None and self._appearance.adds)
 
     def with_appearance(self, appearance: Appearance, original: Scene) -> Scene:
         """Return the scene with this appearance; `original`: the scene before any random change."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene import semantics
+from sim.scene.added_object import AddedObject
 from sim.scene.added_person import PERSON, AddedPerson
 from sim.scene.scene import Scene
 from sim.scene.scene_map import SceneMap, Surface
@@ -35,6 +36,7 @@ class World:
     geom_surface: NDArray[np.uint8]
     geom_visible: NDArray[np.bool_]
     added_people: tuple[AddedPerson, ...] = ()  # added by randomisation
+    added_objects: tuple[AddedObject, ...] = ()  # the same
 
     @cached_property
     def geom_appearance(self) -> tuple[SurfaceAppearance | None, ...]:

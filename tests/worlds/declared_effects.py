@@ -59,7 +59,14 @@ WORLD: dict[str, dict[str, Any]] = {
         "gusts": [{"at_s": 0.5, "velocity_W_mps": [0, 4, 0], "rise_s": 0.2, "hold_s": 1.0, "fall_s": 0.2}],
     },
     "weather": {"visibility_m": 60.0, "rain_mm_per_h": 80.0, "snow_mm_per_h": 3.0},
-    "randomize": {"light": True, "haze": {"clear_share": 0.0}, "textures": True, "people": True, "noise": True},
+    "randomize": {
+        "light": True,
+        "haze": {"clear_share": 0.0},
+        "textures": True,
+        "people": True,
+        "objects": True,
+        "noise": True,
+    },
     "physics.effects": {"ground_effect": False, "descent_loss": False, "battery": True, "air_density": False},
 }
 # One action of each kind in a script; a fault once for each thing that can have one.

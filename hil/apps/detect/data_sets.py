@@ -73,8 +73,8 @@ class DataSetPlan:
 class DataSetSeries:
     """A series of data sets: their number, frames per set and first seed.
 
-    `people` is the minimum and maximum number of people to add to those of the map, `size_px` the width and height of
-    the pictures; None: as in the bench file. `quality` replaces those of the plans.
+    `people` and `objects` are the minimum and maximum number to add to those of the map, `size_px` the width and height
+    of the pictures; None: as in the bench file. `quality` replaces those of the plans.
     """
 
     sets: int
@@ -82,6 +82,7 @@ class DataSetSeries:
     first_seed: int
     scenes: Sequence[str] = SCENES
     people: tuple[int, int] | None = None
+    objects: tuple[int, int] | None = None
     size_px: tuple[int, int] | None = None
     quality: str | None = None
 
@@ -98,9 +99,13 @@ class DataSetSeries:
 
     def settings(self) -> list[str]:
         """Return the `KEY=VALUE` settings that all data sets of the series share."""
-        people = [] if self.people is None else [f"randomize.people.count=[{self.people[0]}, {self.people[1]}]"]
+        added = [
+            f"randomize.{name}.count=[{count[0]}, {count[1]}]"
+            for name, count in (("people", self.people), ("objects", self.objects))
+            if count is not None
+        ]
         size = [] if self.size_px is None else [f"sensors.front.resolution=[{self.size_px[0]}, {self.size_px[1]}]"]
-        return people + size
+        return added + size
 
 
 def plan(index: int, first_seed: int, scenes: Sequence[str] = SCENES) -> DataSetPlan:

@@ -62,10 +62,8 @@ def _picture(
         frames.close()
     visibility_m = scene.weather.visibility_m
     visibility = "clear" if visibility_m is None else f"{visibility_m / 1000.0:.2g} km"
-    return (
-        picture,
-        f"{visibility}, sun {scene.light.sun_elevation_deg:.0f}\N{DEGREE SIGN}, {len(world.added_people)} people",
-    )
+    sun = f"sun {scene.light.sun_elevation_deg:.0f}\N{DEGREE SIGN}"
+    return picture, f"{visibility}, {sun}, {len(world.added_people)} people, {len(world.added_objects)} objects"
 
 
 def _sheet(pictures: list[NDArray[np.uint8]], titles: list[str]) -> Figure:

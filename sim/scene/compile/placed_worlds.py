@@ -81,7 +81,14 @@ def with_objects(base: World, moved: Sequence[ObjectActor], added: Sequence[Adde
         count = len(each.template.parts)
         geom_class[row : row + count] = class_ids.get(each.template.class_name, class_ids["object"])
         row += count
-    return _own_scene(replace(world, geom_class=read_only(geom_class), added_people=base.added_people))
+    return _own_scene(
+        replace(
+            world,
+            geom_class=read_only(geom_class),
+            added_people=base.added_people,
+            added_objects=base.added_objects,
+        )
+    )
 
 
 def limit_mesh_cache(spare_bytes: int = _SPARE_CACHE_BYTES) -> None:

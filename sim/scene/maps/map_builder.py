@@ -140,7 +140,8 @@ class MapBuilder:
     """Materials, textures, meshes, bodies and actors of one map, in the order in which they are added."""
 
     def __init__(self, name: str, *, assets: str = "", flat_meshes: bool = False) -> None:
-        """`assets`: prefix of the names of materials, meshes and textures, for a map that is added to another.
+        """`assets`: prefix of the names of materials, meshes, textures and numbered bodies, for a map that is added to
+        another.
 
         `flat_meshes`: allow meshes without a thickness, whose inertia is at the limit of what MuJoCo accepts.
         """
@@ -217,6 +218,7 @@ class MapBuilder:
         another material has the name.
         """
         name = self._own(name)
+        texture, relief = (self._own(t) if t else "" for t in (texture, relief))
         look = (surface, rgb, texture, tile_m, specular, shininess, relief)
         if self._looks.get(name, look) != look:
             raise ValueError(f"two materials named {name}")
@@ -268,6 +270,7 @@ class MapBuilder:
 
     def hull(self, name: str, corners: NDArray[np.float64]) -> str:
         """Add the convex hull of points (n, 3) as a mesh asset, unless the name exists."""
+        name = self._own(name)
         if name not in self._meshes:
             self._meshes.add(name)
             ET.SubElement(self._asset, "mesh", name=name, vertex=numbers(corners.ravel().tolist()), inertia="shell")
@@ -311,14 +314,14 @@ class MapBuilder:
 
     def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN) -> Body:
         """Add an object of class `kind`, numbered in the order of adding."""
-        self.classify(kind, f"{kind}_*")
+        self.classify(kind, f"{self._prefix}{kind}_*")
         return self._add_body(self.next_name(kind), pos, quat)
 
     def next_name(self, kind: str, *, digits: int = 3) -> str:
         """Return `<kind>_<number>`, a number higher with each call."""
         number = self._numbers.get(kind, 0)
         self._numbers[kind] = number + 1
-        return f"{kind}_{number:0{digits}d}"
+        return f"{self._prefix}{kind}_{number:0{digits}d}"
 
     def named_body(self, name: str, pos: Vec3, quat: Quat) -> Body:
         """Add a static body under a name from `next_name`; the caller assigns its class."""
@@ -365,6 +368,7 @@ class MapBuilder:
 
     def known_material(self, name: str) -> str:
         """Return the name of a material. Raises ValueError if it does not exist."""
+        name = self._own(name)
         if name not in self._materials:
             raise ValueError(f"no material {name}; make it with material() first")
         return name

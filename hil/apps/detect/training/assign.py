@@ -3,19 +3,25 @@
 The anchors at the nearest positions of each level are an object's candidates. A candidate is assigned to the object if
 its centre lies in the object's box and its IoU is at least the mean plus the standard deviation of all candidates' IoU.
 The best candidate is always assigned, so that thin objects are not lost. Any other anchor claimed by two objects goes
-to the one it overlaps more. Anchors of difficult objects are ignored in training.
+to the one it overlaps more. Anchors of difficult objects are ignored in training of their class, and show no other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from hil_companion.detect.model_file import Level
 from numpy.typing import NDArray
 
-BACKGROUND, IGNORED = -1, -2  # in place of a class
+BACKGROUND = -1  # in place of a class; of a difficult object of class c it is `ignored(c)`
 _NEAREST_POSITIONS = 9  # per level and object; the anchors there are the object's candidates
+
+
+def ignored(class_number: Any) -> Any:
+    """Return the target of difficult objects of a class, -2 or less: numbers or arrays. It is its own inverse."""
+    return -2 - class_number
 
 
 class Assigner:
@@ -37,8 +43,8 @@ class Assigner:
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Return the targets of the N anchors: classes (N,) and boxes (N, 4) [px].
 
-        A class is a class number, BACKGROUND or IGNORED; the box of background is zero. `boxes_px` is (n, 4) x0, y0,
-        x1, y1; `classes` and `difficult` are (n,).
+        A class is a class number, BACKGROUND or `ignored` of a number; the box of background is zero. `boxes_px` is
+        (n, 4) x0, y0, x1, y1; `classes` and `difficult` are (n,).
         """
         target_classes = np.full(len(self.anchors_px), BACKGROUND, np.int64)
         target_px = np.zeros((len(self.anchors_px), 4), np.float32)
@@ -58,7 +64,7 @@ class Assigner:
         objects, columns = np.nonzero(assigned)
         order = np.argsort(iou[objects, columns], kind="stable")
         objects, anchors = objects[order], candidates[objects, columns][order]
-        target_classes[anchors] = np.where(difficult[objects], IGNORED, classes[objects])
+        target_classes[anchors] = np.where(difficult[objects], ignored(classes[objects]), classes[objects])
         target_px[anchors] = boxes_px[objects]
         return target_classes, target_px
 

@@ -2,8 +2,9 @@
 
 The loss of scores is the quality focal loss (Li et al. 2020), |sigmoid - t|^2 times the cross-entropy. For the class of
 an anchor's object the target t is the current IoU of the anchor's box with the object, so that a score also expresses
-the quality of the box; for other classes and background it is 0. The loss of boxes is the generalised IoU loss
-(Rezatofighi et al. 2019), weighted by t. Both losses are divided by the sum of t.
+the quality of the box; for other classes and background it is 0. At the anchors of a difficult object the score of its
+own class does not count: a bicycle too small to count may be found or not, but it is no person. The loss of boxes is
+the generalised IoU loss (Rezatofighi et al. 2019), weighted by t. Both losses are divided by the sum of t.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import torch.nn.functional as F
 from hil_companion.detect.decode import CENTRE_VARIANCE, SIZE_VARIANCE
 from torch import Tensor
 
-from hil.apps.detect.training.assign import IGNORED
+from hil.apps.detect.training.assign import ignored
 
 BOX_WEIGHT = 2.0
 _MAX_LOG_SCALE = 4.0
@@ -47,18 +48,19 @@ class QualityFocal(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx: Any, logits: Tensor, targets: Tensor, counted: Tensor) -> Tensor:
-        """Return the sum over logits and targets (B, N, classes); `counted` (B, N, 1) is 0 for ignored anchors."""
-        error = logits.sigmoid().sub_(targets).mul_(counted)
+    def forward(ctx: Any, logits: Tensor, targets: Tensor, picture: Tensor, anchor: Tensor, number: Tensor) -> Tensor:
+        """Return the sum over logits and targets (B, N, classes), but for those of (picture, anchor, class number)."""
+        error = logits.sigmoid().sub_(targets)
+        error[picture, anchor, number] = 0.0
         ctx.save_for_backward(error)
         entropy = F.softplus(logits).addcmul_(logits, targets, value=-1.0)
         return entropy.mul_(error).mul_(error).sum()
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None]:
         """Return the gradient with respect to the logits."""
         (error,) = ctx.saved_tensors
-        return error.square().mul_(error).mul_(gradients[0]), None, None
+        return error.square().mul_(error).mul_(gradients[0]), None, None, None, None
 
 
 def detection_loss(
@@ -78,6 +80,7 @@ def detection_loss(
         iou = iou.detach()
         targets[picture, anchor, classes[picture, anchor]] = iou
     count = iou.sum().clamp(min=1.0)
-    scores = QualityFocal.apply(logits, targets, (classes != IGNORED).unsqueeze(2)) / count
+    not_counted = torch.nonzero(classes <= ignored(0), as_tuple=True)
+    scores = QualityFocal.apply(logits, targets, *not_counted, ignored(classes[not_counted])) / count
     boxes_loss = (iou * (1.0 - giou)).sum() / count
     return scores, BOX_WEIGHT * boxes_loss

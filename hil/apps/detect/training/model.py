@@ -19,7 +19,7 @@ of `hil_companion.detect.model_file`. Sources: Sandler et al. (2018), MobileNetV
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -38,9 +38,9 @@ class Widths:
     deep: int = 128
     wide: int = 192
     far: int = 128
-    mid_blocks: int = 2
-    deep_blocks: int = 4
-    wide_blocks: int = 2
+    mid_blocks: int = 3
+    deep_blocks: int = 6
+    wide_blocks: int = 3
     expand: int = 2
     head: int = 96
     fine_head: int = 48  # of the level at stride 4, which has three times as many positions as all others together
@@ -57,7 +57,10 @@ def _conv(
 
 
 class InvertedResidual(nn.Module):
-    """Inverted residual block: expansion, depthwise convolution, projection, and the input added (Sandler 2018)."""
+    """Inverted residual block: expansion, depthwise convolution, projection, and the input added (Sandler 2018).
+
+    A new one returns its input (Goyal et al. 2017), so that blocks can be added to a trained network.
+    """
 
     def __init__(self, width: int, expand: int) -> None:
         super().__init__()
@@ -69,6 +72,12 @@ class InvertedResidual(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return features of the same shape as `x`, (B, width, rows, columns)."""
         return x + self.body(x)
+
+
+def new_blocks(model: nn.Module, known: Collection[str]) -> tuple[str, ...]:
+    """Return the prefixes of the tensors of those blocks of which none has a name in `known`."""
+    prefixes = (f"{name}." for name, module in model.named_modules() if isinstance(module, InvertedResidual))
+    return tuple(prefix for prefix in prefixes if not any(name.startswith(prefix) for name in known))
 
 
 class Join(nn.Module):
@@ -129,6 +138,9 @@ class SsdLite(nn.Module):
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+        for module in self.modules():
+            if isinstance(module, InvertedResidual):
+                nn.init.zeros_(module.body[-1][-1].weight)
         for head, n in zip(self.heads, anchors_per_position, strict=True):
             last = head[-1]
             nn.init.normal_(last.weight, std=0.01)

@@ -90,16 +90,22 @@ def with_heads_of(start: StartWeights, classes: Sequence[str], current: Mapping[
 
 
 def normalisation_renamed(model: nn.Module, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Return folded tensors with the bias of each normalised convolution under the name of the normalisation's."""
-    names = {f"{c}.bias": f"{n}.bias" for c, n in _normalised_convolutions(model)}
-    return {names.get(name, name): value for name, value in tensors.items()}
+    """Return folded tensors for `model`, which normalises: biases of convolutions are its, and its weights are 1."""
+    names = {f"{c}.bias": n for c, n in _normalised_convolutions(model)}
+    out: dict[str, Tensor] = {}
+    for name, value in tensors.items():
+        if name in names:
+            out |= {f"{names[name]}.bias": value, f"{names[name]}.weight": torch.ones_like(value)}
+        else:
+            out[name] = value
+    return out
 
 
 @torch.no_grad()
 def set_statistics(model: nn.Module, blob: Tensor) -> None:
     """Set the batch normalisation to the statistics of pictures (B, 3, H, W), without changing what `model` computes.
 
-    The normalisation must be new but for its biases: mean 0, variance 1, weight 1.
+    The normalisation must have mean 0 and variance 1.
     """
     modules = dict(model.named_modules())
     outputs: dict[str, Tensor] = {}
@@ -121,8 +127,8 @@ def set_statistics(model: nn.Module, blob: Tensor) -> None:
         deviation = deviation.clamp(min=_MIN_DEVIATION)
         modules[convolution].weight.div_(deviation[:, None, None, None])
         normalisation.running_mean.copy_(mean / deviation)
-        normalisation.weight.copy_(deviation * (1.0 + normalisation.eps) ** 0.5)
-        normalisation.bias.add_(mean)
+        normalisation.bias.add_(normalisation.weight * mean)
+        normalisation.weight.mul_(deviation * (1.0 + normalisation.eps) ** 0.5)
 
 
 def _normalised_convolutions(model: nn.Module) -> list[tuple[str, str]]:

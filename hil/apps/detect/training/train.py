@@ -30,7 +30,7 @@ from hil.apps.detect.training.batches import Batch, Batches, blob_of
 from hil.apps.detect.training.export import between, folded
 from hil.apps.detect.training.layout import LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
-from hil.apps.detect.training.model import SsdLite, by_anchor
+from hil.apps.detect.training.model import SsdLite, by_anchor, new_blocks
 from hil.apps.detect.training.settings import Settings
 from hil.apps.detect.training.start_weights import (
     normalisation_renamed,
@@ -195,7 +195,9 @@ class Training:
             raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
         if self.settings.start_share:
             needed = normalisation_renamed(self.model, folded(self.model).state_dict()) if start.folded else current
-            missing = [name for name in needed if name not in fitting]
+            # A block that they lack altogether returns its input: the network is theirs, whole.
+            prefixes = new_blocks(self.model, fitting)
+            missing = [name for name in needed if name not in fitting and not name.startswith(prefixes)]
             new = [name for name in self.classes if name not in start.classes] if start.classes else []
             if missing or new:
                 hint = "use --keep-classes, or leave out --start-share" if new else "leave out --start-share"

@@ -24,6 +24,10 @@ class DataOptions:
         tuple[int, int] | None,
         typer.Option(help="Range of the number of people added to the map.", metavar="MIN MAX"),
     ] = None
+    objects: Annotated[
+        tuple[int, int] | None,
+        typer.Option(help="Range of the number of still objects added to the map; default none.", metavar="MIN MAX"),
+    ] = None
     scene: Annotated[list[str] | None, typer.Option(help="Scenes to take in turn; default the three outdoor ones.")] = (
         None
     )
@@ -51,6 +55,7 @@ def data(o: DataOptions) -> None:
             o.first_seed,
             scenes=o.scene or SCENES,
             people=o.people,
+            objects=o.objects,
             size_px=o.size,
             quality=o.quality,
         )

@@ -50,8 +50,8 @@ def add_parasol(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
         ("panels", "canopy_0", f"canopy_{colour}"), ("white", "canopy_1", "canopy_white"),
         ("ribs", "parasol_ribs", "parasol_pole"),
     ):  # fmt: skip
-        builder.mesh(asset, model("objects/parasol").mesh(piece))
-        body.geom("mesh", asset=asset, material=material, solid=False, part=piece)
+        mesh = builder.mesh(asset, model("objects/parasol").mesh(piece))
+        body.geom("mesh", asset=mesh, material=material, solid=False, part=piece)
     body.geom("cylinder", (0.26, 0.05), pos=(0.0, 0.0, 0.05), material="parasol_foot", part="foot")
     body.proxy("cylinder", (0.022, 1.28), pos=(0.0, 0.0, 1.28), material="parasol_pole", part="proxy")
     for i, (radius, low, high) in enumerate(((1.25, 2.0, 2.14), (0.80, 2.14, 2.36), (0.35, 2.36, 2.52))):

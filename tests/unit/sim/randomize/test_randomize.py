@@ -22,6 +22,8 @@ from sim.randomize.free_ground import GROUND_CLASSES
 from sim.randomize.light import black_body, draw_light, draw_weather
 from sim.randomize.settings import FEATURES, HazeLimits, LightLimits, NoiseLimits, Randomize, TextureLimits
 from sim.randomize.variant import drawn, randomized
+from sim.scene.added_object import OBJECT
+from sim.scene.appearance import OBJECT_KINDS
 from sim.scene.scene import Box, Scene, load_scene, scene_names
 from sim.scene.surface_appearance import draw_surface
 from sim.scene.weather import Weather
@@ -63,6 +65,10 @@ def test_the_same_seed_draws_the_same_and_each_seed_something_else() -> None:
 
 def test_no_feature_changes_what_another_draws() -> None:
     _, everything = all_of(5)
+    # Surfaces of added objects are random, too.
+    own = {n: surface for n, surface in everything["textures"].items() if not n.startswith(OBJECT)}
+    assert own != everything["textures"]
+    everything["textures"] = own
     for feature in ("light", "haze", "textures", "people"):
         _, alone = of(5, **{feature: True})
         assert alone == {"seed": 5, feature: everything[feature]}
@@ -193,6 +199,62 @@ def test_people_stand_on_free_ground_and_everything_keeps_its_number(name: str) 
             assert height_m == pytest.approx(person.at_m[2], abs=0.05)
 
 
+@pytest.mark.parametrize("name", ["city_park", "training_village"])
+def test_objects_stand_whole_on_free_ground_and_move_nobody(name: str) -> None:
+    scene, people = load_scene(name), {"count": (8, 8)}
+    peopled = load_world(of(11, scene, people=people)[0])
+    full, told = of(11, scene, people=people, objects={"count": (2 * len(OBJECT_KINDS),) * 2})
+    world = load_world(full)
+    assert world.added_people == peopled.added_people
+    assert world.added_objects == load_world(of(11, scene, people=people, objects={"count": (28, 28)})[0]).added_objects
+    assert told["objects"] == [added.as_data() for added in world.added_objects]
+    n = int(peopled.model.ngeom)
+    for label in ("geom_class", "geom_instance", "geom_surface"):
+        assert np.array_equal(getattr(world, label)[:n], getattr(peopled, label))
+    assert world.instance_names[len(peopled.instance_names) :] == tuple(added.name for added in world.added_objects)
+    below, placed = Looking(peopled), mujoco.MjData(world.model)
+    mujoco.mj_kinematics(world.model, placed)
+    assert len({added.kind for added in world.added_objects}) > 8
+    for added in world.added_objects:
+        body = world.model.body(added.name)
+        geoms = np.flatnonzero(world.model.geom_bodyid == body.id)
+        assert {world.class_names[world.geom_class[geom]] for geom in geoms} == {added.class_name}
+        points = np.concatenate([mesh_points(world.model, placed, geom) for geom in geoms])
+        assert points[:, 2].min() == pytest.approx(added.at_m[2], abs=0.06)  # it stands on the ground
+        for axis in (0, 1):
+            for outermost in (points[points[:, axis].argmin()], points[points[:, axis].argmax()]):
+                kind, height_m = below.at(*outermost[:2])
+                assert kind in GROUND_CLASSES, (added, kind)
+                assert height_m == pytest.approx(added.at_m[2], abs=0.05)
+
+
+def mesh_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """Return the vertices of a mesh geom in W, (n, 3); none of a geom of another kind."""
+    mesh = model.geom_dataid[geom]
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        return np.zeros((0, 3))
+    first = model.mesh_vertadr[mesh]
+    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+    return np.asarray(data.geom_xpos[geom] + vertices @ data.geom_xmat[geom].reshape(3, 3).T)
+
+
+def test_kinds_of_objects_are_those_asked_for() -> None:
+    scene, told = of(5, objects={"count": (12, 12), "kinds": ["dog", "dog", "bird"]})
+    kinds = [added["kind"] for added in told["objects"]]
+    assert len(kinds) == 12
+    assert set(kinds) == {"dog", "bird"}
+    assert kinds.count("dog") > kinds.count("bird")
+    assert len({added["heading_deg"] for added in told["objects"]}) == 12
+    # They are solid, though the scene has no map.
+    bare, vehicle = load_scene("airfield"), load_vehicle("x500")
+    scene, told = of(5, bare, objects={"count": (12, 12)})
+    assert take_off_problem(scene, vehicle) is None
+    alone = build_model(bare, vehicle, contact_step_s=0.001)
+    assert build_model(scene, vehicle, contact_step_s=0.001).ngeom >= alone.ngeom + len(told["objects"]) > alone.ngeom
+    with pytest.raises(ValueError, match="kinds"):
+        of(5, objects={"kinds": ["unicorn"]})
+
+
 class Looking:
     """Straight down, by MuJoCo's rays, at what stands still."""
 
@@ -233,18 +295,20 @@ def test_defaults_and_globs_of_a_map_do_not_reach_the_added_people(tmp_path: Pat
         "map: {mjcf: map.xml, classes: {ground: ['floor'], tree: ['*e*']}}\n"
     )
     base = load_scene(tmp_path / "s.yaml")
-    world = load_world(of(2, base, people={"count": (3, 3)})[0])
+    world = load_world(of(2, base, people={"count": (3, 3)}, objects={"count": (3, 3), "kinds": ["sedan"]})[0])
     n = int(load_world(base).model.ngeom)
     assert [world.class_names[k] for k in world.geom_class[:n]] == ["ground", "tree"]
-    assert {world.class_names[k] for k in world.geom_class[n:]} == {"person"}
+    assert {world.class_names[k] for k in world.geom_class[n:]} == {"person", "vehicle"}
     assert (world.geom_visible[n:] != world.geom_solid[n:]).all()  # meshes are seen, capsules touched
-    assert np.abs(world.model.mesh_vert).max() < 0.8
+    assert np.abs(world.model.mesh_vert).max() < 4.0
     assert len(world.added_people) <= 3
+    assert len(world.added_objects) == 3
 
 
-def test_where_there_is_no_free_ground_nobody_is_added() -> None:
-    scene, told = of(2, YARD, people={"count": (5, 5), "within_m": 4.0})  # all of it is kept clear
-    assert told["people"] == []
+def test_where_there_is_no_free_ground_nothing_is_added() -> None:
+    none = {"count": (5, 5), "within_m": 4.0}  # all of it is kept clear
+    scene, told = of(2, YARD, people=none, objects=none)
+    assert told["people"] == told["objects"] == []
     assert load_world(scene).model is load_world(YARD).model
 
 
@@ -280,7 +344,7 @@ def test_a_camera_of_twice_the_noise_has_twice_the_sigma_at_any_light() -> None:
 
 
 FRONT = "sensors.front={preset: camera_320x240, rate_hz: 10}"
-EVERYTHING = "randomize={light: true, haze: true, textures: true, people: true, noise: true}"
+EVERYTHING = "randomize={light: true, haze: true, textures: true, people: true, objects: true, noise: true}"
 
 
 def test_a_saved_bench_draws_the_same_again(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from hil_companion.detect.decode import overlaps  # noqa: E402
 
 from hil.apps.detect.picture_store import PictureStore  # noqa: E402
 from hil.apps.detect.pictures import read_data_sets  # noqa: E402
-from hil.apps.detect.training.assign import BACKGROUND, IGNORED, Assigner  # noqa: E402
+from hil.apps.detect.training.assign import BACKGROUND, Assigner, ignored  # noqa: E402
 from hil.apps.detect.training.augment import Augmenter, Strength  # noqa: E402
 from hil.apps.detect.training.layout import INPUT_PX, LEVELS  # noqa: E402
 
@@ -154,7 +154,7 @@ def test_difficult_objects_are_ignored() -> None:
     assigner = Assigner(LEVELS, INPUT_PX)
     boxes = np.array([[10, 10, 24, 44], [200, 100, 244, 122]], np.float32)
     found, _ = assigner.targets(boxes, np.array([0, 1]), np.array([True, False]))
-    assert set(found.tolist()) == {BACKGROUND, IGNORED, 1}
+    assert set(found.tolist()) == {BACKGROUND, ignored(0), 1}
     none, target = assigner.targets(boxes[:0], np.zeros(0, np.int64), np.zeros(0, bool))
     assert (none == BACKGROUND).all()
     assert not target.any()

@@ -30,11 +30,13 @@ from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
 
 from hil.apps.detect.training import batches, train  # noqa: E402
+from hil.apps.detect.training.assign import BACKGROUND, ignored  # noqa: E402
 from hil.apps.detect.training.batches import COMMON_SHARE, Batches, repeat_factors  # noqa: E402
 from hil.apps.detect.training.export import export, folded, with_threshold  # noqa: E402
 from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe  # noqa: E402
 from hil.apps.detect.training.loss import QualityFocal, boxes_px, detection_loss, overlaps  # noqa: E402
-from hil.apps.detect.training.model import SsdLite, by_anchor  # noqa: E402
+from hil.apps.detect.training.model import SsdLite, Widths, by_anchor, new_blocks  # noqa: E402
+from hil.apps.detect.training.start_weights import normalisation_renamed, set_statistics  # noqa: E402
 
 QUICK: dict[str, Any] = {"epochs": 2, "batch": 2, "min_objects": 1, "threads": 1, "validate_every": 2}
 
@@ -370,14 +372,47 @@ def test_the_gradient_of_the_scores_loss_is_that_of_its_formula() -> None:
     torch.manual_seed(2)
     logits = (3.0 * torch.randn(2, 40, 5, dtype=torch.float64)).requires_grad_()
     wanted = torch.rand(2, 40, 5, dtype=torch.float64) * (torch.rand(2, 40, 5) > 0.8)
-    counted = torch.rand(2, 40, 1) > 0.2
-    own = QualityFocal.apply(logits, wanted, counted)
+    counted = torch.rand(2, 40, 5) > 0.2
+    own = QualityFocal.apply(logits, wanted, *torch.nonzero(~counted, as_tuple=True))
     (gradient,) = torch.autograd.grad(own * 0.5, logits)
     factor = (logits.detach().sigmoid() - wanted).square()
     formula = (factor * (torch.nn.functional.softplus(logits) - logits * wanted) * counted).sum()
     (expected,) = torch.autograd.grad(formula * 0.5, logits)
     torch.testing.assert_close(own, formula.detach())
     torch.testing.assert_close(gradient, expected)
+
+
+def test_a_difficult_object_is_taught_to_be_of_no_other_class() -> None:
+    """Its own class may score as it likes; a bicycle too small to count is still no person."""
+    anchors = torch.tensor([[10.0, 10.0, 8.0, 8.0], [50.0, 50.0, 8.0, 8.0]])
+    classes = torch.tensor([[ignored(2), BACKGROUND]])
+    logits = torch.zeros(1, 2, 4).requires_grad_()
+    scores, boxes = detection_loss(logits, torch.zeros(1, 2, 4), anchors, classes, torch.zeros(1, 2, 4))
+    (gradient,) = torch.autograd.grad(scores, logits)
+    assert boxes == 0.0
+    assert (gradient > 0.0).tolist() == [[[True, True, False, True], [True] * 4]]
+    assert gradient[0, 0, 2] == 0.0
+
+
+def test_blocks_that_weights_lack_change_nothing(tmp_path: Path) -> None:
+    """So a network can be trained on after blocks are added to it, and its start can have a share of the result."""
+    torch.manual_seed(4)
+    anchors = [level.anchors_per_position for level in LEVELS]
+    small = SsdLite(3, anchors, Widths(mid_blocks=1, deep_blocks=2, wide_blocks=0))
+    for module in small.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            torch.nn.init.uniform_(module.weight, 0.5, 1.0)
+            torch.nn.init.uniform_(module.bias, -0.2, 0.2)
+    small = folded(small)
+    blob = torch.rand(1, 3, 96, 128)
+    large = SsdLite(3, anchors)
+    state = {**large.state_dict(), **normalisation_renamed(large, small.state_dict())}
+    large.load_state_dict(state)
+    names = new_blocks(large, small.state_dict())
+    assert names == ("mid.2.", "mid.3.", "deep.3.", "deep.4.", "deep.5.", "deep.6.", "wide.1.", "wide.2.", "wide.3.")
+    set_statistics(large, blob)
+    for own, expected in zip(large.eval()(blob), small(blob), strict=True):
+        torch.testing.assert_close(own, expected, atol=1e-4, rtol=1e-4)
 
 
 def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -> None:
