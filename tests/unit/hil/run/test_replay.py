@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from hil.run.recorder.reading import Recording
 from hil.run.recorder.recorder import Recorder
 from hil.run.replay import _traces, compare, replay
 from hil.run.report.page import Report, write_page
@@ -165,6 +166,35 @@ def test_a_run_that_ended_as_error_is_compared_up_to_its_last_tick(flight: list[
     record(tmp_path, flight)
     broken = replay(tmp_path, lambda _, out: record(out, flight[:40], status="ERROR"), out_dir=tmp_path / "broken")
     assert not broken.identical
+
+
+def test_digests_that_differ_are_a_difference_of_what_is_not_recorded(flight: list[Tick], tmp_path: Path) -> None:
+    """Pictures that are not recorded are in the digest alone, and so is what a damaged copy of a recording has lost."""
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+
+    def replayed() -> tuple[bool, str]:
+        result = replay(tmp_path, lambda _, out: record(out, flight))
+        return result.identical, str(result)
+
+    record(tmp_path, flight)
+    digest = Recording(tmp_path / "run.mcap").scan().metadata["hil_result"]["digest"]
+    run_json(tmp_path, "PASS", digest=digest)
+    assert replayed() == (True, f"identical over {TICKS} ticks, digest {digest}")
+    run_json(tmp_path, "PASS", digest="another")
+    identical, said = replayed()
+    assert not identical
+    assert f"messages are the same over {TICKS} ticks, the digests are not: another != {digest}" in said
+    file = tmp_path / "run.mcap"
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    identical, said = replayed()
+    assert not identical, "half of the recording is gone, and the digest of the run is not that of the fresh one"
+    assert "up to where the recording was cut off, the digests are not: another !=" in said
+    run_json(tmp_path, "PASS", digest=digest)
+    identical, said = replayed()
+    assert identical
+    assert said.endswith(f"up to where the recording was cut off, digest {digest}, that of the whole run")
+    run_json(tmp_path, "ERROR", digest="of what was flown", error={"type": "Killed", "message": ""})
+    assert replayed()[0], "a killed run has no digest of the whole"
 
 
 def run_json(folder: Path, status: str, *reasons: str, **more: object) -> None:
