@@ -23,6 +23,7 @@ from hil.config.schema import BenchConfig
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import Verdict
 from signals.time import NS_PER_S
+from signals.words import counted
 
 
 class Unmet(NamedTuple):
@@ -90,9 +91,10 @@ class UnmetFaultsPart(Part):
                 why = missed if fault.sensor in sampled else "it was not sampled: nothing reads it"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required and fault.sensor in read)
-        for fault in run.part("faults").unmet:
+        for fault, count in run.part("faults").unmet:
             if fault.at_s < end_s:
-                text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed"
+                why = f"it hit none of {counted(count, fault.unit)}" if count else "no such message passed"
+                text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required)
 
     def _read_sensors(self) -> set[str]:

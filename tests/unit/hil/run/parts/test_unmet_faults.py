@@ -125,3 +125,18 @@ def test_a_fault_at_an_event_of_a_sensor_that_nothing_reads_is_no_error() -> Non
     assert result.status == "PASS", result.run
     (told,) = result.run["unmet"]
     assert told.endswith(" s had no effect: it was not sampled: nothing reads it")
+
+
+def test_a_link_fault_that_hits_nothing_is_unmet() -> None:
+    """A message that passed was enough, however small the rate."""
+
+    def of(rate: float, more: str = "") -> RunResult:
+        fault = f"{{kind: drop, at_s: 5, for_s: 1, direction: to_autopilot, rate: {rate}{more}}}"
+        return fly(f"faults: {{links: [{fault}]}}\n", "expect: []\n")
+
+    (reason,) = reasons(of(1e-9, ", messages: [HIL_GPS]"))
+    assert reason == "fault of the link: drop of HIL_GPS at 5 s had no effect: it hit none of 10 messages"
+    (reason,) = reasons(of(1e-9, ", unit: byte"))
+    assert reason.endswith(" bytes")
+    assert reasons(of(1.0, ", messages: [HIL_GPS]")) == []
+    assert of(0.0).status == "PASS", "a rate of 0 is noted before the flight"
