@@ -7,10 +7,11 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
                    the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
                    least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
-                   corner. The vehicle must have flown there, though: with a margin above `REACH_MARGIN_M` radius and
-                   margin together reach no further than half of the longer of the legs that meet at the waypoint (the
-                   middle of a square is farther from its corners), one above `UNJUDGED_M` no further than half of its
-                   own leg, and a height above it, or without a limit, no lower than half of the waypoint's height.
+                   corner. The vehicle must have flown there, though, and the middle of a square is 0.7 of a side from
+                   its corners: radius and margin together reach no further than half of the longer of the legs that
+                   meet at the waypoint, or, where that is more, than the radius plus the lesser of `REACH_MARGIN_M`
+                   and an eighth of that leg. A margin above `UNJUDGED_M` reaches no further than half of its own leg,
+                   and a height above it, or without a limit, no lower than half of the waypoint's height.
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
@@ -331,7 +332,7 @@ def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
     for i, leg in enumerate(fly):
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
         radius_m = leg.acceptance_radius_m
-        near_m = max(radius_m + REACH_MARGIN_M, min(radius_m + margin_m, 0.5 * longer_m))
+        near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
         reaches_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
     return reaches_m
 

@@ -148,8 +148,8 @@ def square(side_m: float, height: float = 3.2) -> list[Leg]:
     return [*legs, Leg(LegKind.DESCENT, 5, top, HOME)]
 
 
-@pytest.mark.parametrize("limit_m", [6.0, 10.0, 11.0, 900.0, None])
-@pytest.mark.parametrize(("side_m", "at_m"), [(4.0, 0.0), (6.0, 3.0), (9.0, 4.5)])
+@pytest.mark.parametrize("limit_m", [3.0, 6.0, 10.0, 11.0, 900.0, None])
+@pytest.mark.parametrize(("side_m", "at_m"), [(4.0, 0.0), (4.0, 2.0), (6.0, 3.0), (9.0, 4.5)])
 def test_a_hover_flies_no_small_square_whatever_the_limit(side_m: float, at_m: float, limit_m: float | None) -> None:
     """It was reached 4 of 4, from the first corner or from the middle."""
     limits = Limits(max_cross_track_m=limit_m)
