@@ -83,12 +83,9 @@ class UnmetFaultsPart(Part):
             if at_s >= end_s:  # of those of a script, its own part judges
                 text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
                 yield Unmet(what, text, what in self._own and not ends_early)
-        sampled, read = {slot.port for slot in run.sensors.slots}, self._read_sensors()
-        unsampled = [fault for fault in config.faults.sensors if fault.sensor not in sampled]
-        for fault in (*unsampled, *run.sensors.unmet()):
+        read = self._read_sensors()
+        for fault, why in run.sensors.unmet():
             if fault.at_s < end_s:
-                missed = "no sample fell into its time"
-                why = missed if fault.sensor in sampled else "it was not sampled: nothing reads it"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required and fault.sensor in read)
         for fault, count in run.part("faults").unmet:
