@@ -57,7 +57,7 @@ class UnmetFaultsPart(Part):
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
         others = [part for other in run.fleet if other is not run and (part := other.part(self.name)) is not None]
-        for what, text, fails in self._found():
+        for what, text, fails in self.unmet():
             if any(part.has_met(what) for part in others):
                 continue
             self._unmet.append(text)
@@ -68,10 +68,10 @@ class UnmetFaultsPart(Part):
 
     def has_met(self, what: Any) -> bool:
         """Return True if the bench of this vehicle declares a fault or gust, too, and its flight has met it."""
-        return what in self._declared and what not in [unmet.what for unmet in self._found()]
+        return what in self._declared and what not in [unmet.what for unmet in self.unmet()]
 
-    def _found(self) -> Iterator[Unmet]:
-        """Yield what the flight did not meet."""
+    def unmet(self) -> Iterator[Unmet]:
+        """Yield what the flight did not meet, at its end."""
         run, config = self._run, self._bench.config
         end_s = run.now_ns() / NS_PER_S
         script = run.part("script")
