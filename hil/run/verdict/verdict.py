@@ -81,7 +81,7 @@ class Measurements:
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
-    hold_missed: str = ""  # the first waypoint that was left too early, in words
+    hold_missed: str = ""  # the first waypoint at which the vehicle did not wait, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -298,8 +298,9 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
-        missed = next((i for i, hold in self._holds.items() if i < self._waypoint and hold.missed), None)
-        hold_missed = "" if missed is None else f"waypoint {missed + 1} was left after {self._holds[missed].text}"
+        missed = (i for i, hold in self._holds.items() if i < self._waypoint and hold.missed)
+        holds = (f"the vehicle was at waypoint {i + 1} for {self._holds[i].text}" for i in missed)
+        hold_missed = next(holds, "")
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,

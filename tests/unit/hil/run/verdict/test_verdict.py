@@ -208,9 +208,9 @@ def staying(stays: Sequence[tuple[Vec3, float]], legs: Sequence[Leg], holds_s: S
     ("first_s", "away_s", "back_s", "missed"),
     [
         (28.2, 0.0, 0.0, ""),
-        (27.8, 0.0, 0.0, "waypoint 1 was left after 28 s; the plan waits there for 30 s"),
+        (27.8, 0.0, 0.0, "the vehicle was at waypoint 1 for 28 s; the plan waits there for 30 s"),
         (15.0, 9.0, 15.0, ""),  # a gust, and back again
-        (1.0, 40.0, 1.0, "waypoint 1 was left after 2 s; the plan waits there for 30 s"),
+        (1.0, 40.0, 1.0, "the vehicle was at waypoint 1 for 2 s; the plan waits there for 30 s"),
     ],
 )
 def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: float, missed: str) -> None:
