@@ -97,7 +97,7 @@ def compare(recorded: Path, fresh: Path) -> Difference | None:
     if difference and _one_sided(difference):
         # One run has more messages. That is a difference only if the shorter recording was not cut off.
         shorter = a if difference.recorded is None else b
-        if not shorter.scan().complete and difference.t_ns > shorter.last_ns:
+        if not shorter.scan().complete and difference.t_ns > shorter.end_ns(difference.port):
             return None
         if shorter is a and _stopped(a) and difference.t_ns >= shorter.last_ns:
             return None
@@ -178,7 +178,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
         raise RecordingError(f"{out}: the fresh run left no {MCAP_NAME}; is record.mcap on in {config}?")
     difference = compare(recorded, fresh)
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
-    ticks = min(a.last_ns, b.last_ns) // _tick_ns(a, b) + 1
+    ticks = min(a.whole_ns, b.whole_ns) // _tick_ns(a, b) + 1
     digests, digest = _whole_digests(run_dir, a), _digest(b)
     recorded_digest = next((one for one in digests if one != digest), next(iter(digests), None))
     identical = difference is None and recorded_digest in (None, digest)

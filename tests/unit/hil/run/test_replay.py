@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
+from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.reading import Recording
 from hil.run.recorder.recorder import Recorder
 from hil.run.replay import _traces, compare, replay
@@ -115,6 +117,29 @@ def test_an_earlier_end_is_a_difference_but_a_cut_is_not(flight: list[Tick], rec
     cut = record(tmp_path / "cut", flight, close=False)
     assert compare(cut, recorded) is None
     assert compare(recorded, cut) is None
+
+
+def test_a_recording_of_several_vehicles_is_compared_up_to_the_end_of_each(flight: list[Tick], tmp_path: Path) -> None:
+    """The chunk of the second vehicle was missed where that of the first is the last one in the file."""
+    path = tmp_path / "run.mcap"
+    recording = McapRecording(SafeFile(path), tick_ns=TICK_NS, metadata={"vehicles": "a b"}, attachments={})
+    recorders = [
+        Recorder(tmp_path, mcap=VehicleTopics(recording.mcap, name), tlog=False, tick_ns=TICK_NS) for name in "ab"
+    ]
+    for tick in flight:
+        for recorder in recorders:
+            fly(recorder, [tick])
+    for recorder in recorders:
+        recorder.close("PASS")
+    recording.close(TICKS, {})
+    whole, ends = path.read_bytes(), []
+    for tenths in range(2, 10):
+        cut = tmp_path / "cut.mcap"
+        cut.write_bytes(whole[: len(whole) * tenths // 10])
+        assert compare(cut, path) is None
+        scanned = Recording(cut).scan()
+        ends.append((scanned.whole_ns, scanned.last_ns))
+    assert any(b_ns < a_ns for b_ns, a_ns in ends)
 
 
 def test_values_equal_but_bits_not(flight: list[Tick], tmp_path: Path) -> None:
