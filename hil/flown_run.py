@@ -17,6 +17,7 @@ HEALTH = {
     "lost_frames": "frames of the autopilot that never arrived",
     "late": "samples or replies that came too late",
     "estimator_reset": "resets of the autopilot's estimator in the air",
+    "unflown": "a PASS of a vehicle that never left its start",
     "fail": "a FAIL whose verdict the test did not read, by run.passed, run.status or run.reasons",
     "crash": "a FAIL with a crash whose verdict the test did not read",
     "error": "an ERROR: the bench could not finish the flight",
@@ -133,6 +134,7 @@ def health(run: Run) -> dict[str, int]:
         "lost_frames": link.get("lost_frames", 0),
         "late": run.json["autopilot"]["late"] + timing.get("paced_ticks_late", 0),
         "estimator_reset": _estimator_resets(run.out / TLOG_NAME),
+        "unflown": int(run.json["status"] == "PASS" and "unflown" in run.json),
         **own,
     }
 

@@ -74,8 +74,7 @@ class FaultStage:
         self._message_ids = frozenset(MSGID[name] for name in fault.messages)
         self._begin_ns = fault.begin_ns
         self._end_ns = self._begin_ns + fault.length_ns
-        self._count = 0  # units that could have been hit
-        self.met = False  # True: a unit came that the active fault could hit
+        self.count = 0  # units that could have been hit
         self._burst_left = 0
         self._stall_end_wall_ns: int | None = None  # of the active stall
         self._stall_over = False
@@ -132,7 +131,6 @@ class FaultStage:
         if self._stall_end_wall_ns is None:
             self._stall_end_wall_ns = wall_ns + self._fault.length_ns
         for unit in units:
-            self.met = True
             self._log.hit(self.index, self._direction, unit, t_ns)
             self._held_units.append((0, unit))
         return []
@@ -140,9 +138,8 @@ class FaultStage:
     def _pass_bytes(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
         """Pass the bytes of one unit one by one. Bytes that leave at once stay one unit."""
         quiet = not self._held_units and not self._burst_left
-        if quiet and active and not self._random_hits.any_hit(self._count, len(unit)):
-            self._count += len(unit)
-            self.met = True
+        if quiet and active and not self._random_hits.any_hit(self.count, len(unit)):
+            self.count += len(unit)
             return [unit]
         out = []
         for i in range(len(unit)):
@@ -150,11 +147,10 @@ class FaultStage:
         return [b"".join(out)] if out else []
 
     def _pass_unit(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
-        hit, number = False, self._count
+        hit, number = False, self.count
         if active and (not self._message_ids or message_id(unit) in self._message_ids):
             hit = self._is_hit(number)
-            self._count += 1
-            self.met = True
+            self.count += 1
         kind = self._fault.kind
         if kind == "reorder":
             return self._reorder(unit, hit, t_ns, wall_ns)

@@ -156,11 +156,17 @@ class FaultyTransport:
         for part in (self._plug, self._out, self._in):
             part.add(index, fault)
 
-    def unmet(self) -> list[int]:
-        """Return the indices of the faults that no unit has met, and of unplugs that have not happened."""
-        met = {stage.index for way in (self._out, self._in) for stage in way.stages if stage.met}
-        met |= {index for index, hits in self.hits().items() if hits}
-        return [index for index in range(len(self.faults)) if index not in met]
+    def unmet(self) -> dict[int, int]:
+        """Return the faults that have hit nothing, by index, with the number of units that each could have hit.
+
+        One with a rate of 0 cannot hit, and is not among them.
+        """
+        stages = [*self._out.stages, *self._in.stages]
+        return {
+            index: sum(stage.count for stage in stages if stage.index == index)
+            for index, hits in self.hits().items()
+            if not hits and self.faults[index].rate != 0.0
+        }
 
     def hits(self) -> dict[int, int]:
         """Return the exact number of hits of each fault since this object was made, by the fault's index."""

@@ -168,8 +168,15 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Check the flights of a passed test: here and not at teardown, where a fault would count as an error."""
-    outcome = yield
+    """Check the flights of a passed test: here and not at teardown, where a fault would count as an error.
+
+    Also those of a test that then skips itself, which nobody looks at.
+    """
+    try:
+        outcome = yield
+    except pytest.skip.Exception:
+        _check_flights(item, since=0)
+        raise
     _check_flights(item, since=0)
     return outcome
 

@@ -23,5 +23,6 @@ DistanceLimitOrZero = Annotated[float, Field(ge=0), _breakable(1000.0, "m")]
 RollLimit = Annotated[float, Field(gt=0), _breakable(10_000.0, "m")]  # along a runway
 SpeedLimit = Annotated[float, Field(gt=0), _breakable(50.0, "m/s")]
 AngleLimit = Annotated[float, Field(gt=0), _breakable(180.0, "deg")]
+StallMargin = Annotated[float, Field(ge=0.5)]  # of an airspeed; at less, the wings carry a quarter of the weight
 TimeLimit = Annotated[float, Field(gt=0), _breakable(3600.0, "s")]
 TimeLimitOrZero = Annotated[float, Field(ge=0), _breakable(3600.0, "s")]

@@ -28,6 +28,7 @@ from hil.config.limit_values import (
     DistanceLimitOrZero,
     RollLimit,
     SpeedLimit,
+    StallMargin,
     TimeLimit,
     TimeLimitOrZero,
 )
@@ -239,10 +240,10 @@ class Follow(Section):
     set_points: Literal["log", "measured"] = "log"  # measured: the flown trajectory itself, whatever was commanded
     wind: Literal["bench", "log"] = "bench"  # log: the mean of the wind that the log's estimator saw
     # Limits of the differences between the real flight and the simulated one; null: measured but not judged.
-    position_rms_m: Annotated[float, Field(gt=0)] | None = None
-    position_max_m: Annotated[float, Field(gt=0)] | None = None
-    velocity_rms_mps: Annotated[float, Field(gt=0)] | None = None
-    attitude_rms_deg: Annotated[float, Field(gt=0)] | None = None
+    position_rms_m: DistanceLimit | None = None
+    position_max_m: DistanceLimit | None = None
+    velocity_rms_mps: SpeedLimit | None = None
+    attitude_rms_deg: AngleLimit | None = None
 
     @property
     def flies(self) -> bool:
@@ -316,7 +317,7 @@ class PlaneLimits(Section):
 
     max_cross_track_m: DistanceLimit | None = 25.0  # from the path that a plane can fly
     altitude_error_m: DistanceLimit | None = 8.0  # on level legs
-    airspeed_margin: Annotated[float, Field(gt=0)] | None = 1.1  # least airspeed over the stall at the load of the bank
+    airspeed_margin: StallMargin | None = 1.1  # least airspeed over the stall at the load of the bank
     stalled_s: TimeLimitOrZero | None = 0.5  # beyond the stall's angle of attack
     max_bank_deg: AngleLimit | None = 60.0
     loiter_error_m: DistanceLimit | None = 15.0

@@ -44,8 +44,9 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     """
     bench = settled(bench)
     with run_folder(out, bench.vehicles):
-        logs = (own.config.follow.log for own in bench.each_vehicle.values())
-        remove_earlier(out, bench.vehicles, [log for log in logs if log is not None])
+        configs = [own.config for own in bench.each_vehicle.values()]
+        read = (path for config in configs for path in (config.follow.log, config.companion.trace))
+        remove_earlier(out, bench.vehicles, [path for path in read if path is not None])
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 

@@ -2,11 +2,11 @@
 
 A lockstep run is a pure function of its configuration. The two recordings are compared message by message, within a
 tick in causal order (truth, sensors, sent, received, actuators), so the first tick and port that differ are the cause.
+The digests are compared, too: they cover what is not recorded, and what a recording has lost.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -22,8 +22,8 @@ from firmware_bridge.codecs.messages import NAME, unpack
 from hil.config import Bench
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
-from hil.run.replayed_verdict import carry_verdict
-from hil.run_files import BENCH_NAME, MCAP_NAME, RUN_JSON_NAME
+from hil.run.replayed_verdict import carry_verdict, read_run
+from hil.run_files import BENCH_NAME, MCAP_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
@@ -56,9 +56,10 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """Result of a replay. `digests`: of the recorded and the fresh run, None for a recording that was cut off.
+    """Result of a replay. `digests`: of the recorded and the fresh run, None for one that did not come to its end.
 
-    `recorded_verdict`: that of a recorded run that did not pass, in words.
+    `recorded_verdict`: that of a recorded run that did not pass, in words. The messages of a run may all be the same
+    (no `difference`), and the digests not: then the runs are not identical.
     """
 
     identical: bool
@@ -67,11 +68,20 @@ class ReplayResult:
     digests: tuple[str | None, str | None]
     recorded_verdict: str = ""
     stopped: bool = False  # the recorded run ended as ERROR
+    cut: bool = False  # the recording was cut off
 
     def __str__(self) -> str:
+        recorded, fresh = self.digests
         end = ", up to where the run ended as ERROR" if self.stopped else ""
-        end = end if self.digests[0] else ", up to where the recording was cut off"
-        text = f"identical over {self.ticks} ticks{end}, digest {self.digests[1] or 'not in the recording'}"
+        end = ", up to where the recording was cut off" if self.cut else end
+        text = f"identical over {self.ticks} ticks{end}, digest {fresh or 'not in the recording'}"
+        if self.cut and recorded:
+            text += ", that of the whole run"
+        if not self.identical:
+            text = (
+                f"the recorded messages are the same over {self.ticks} ticks{end}, the digests are not: {recorded} != "
+                f"{fresh}; what is not recorded differs, such as pictures, or run.json is of another run"
+            )
         return "\n".join(part for part in (str(self.difference or text), self.recorded_verdict) if part)
 
 
@@ -86,7 +96,7 @@ def compare(recorded: Path, fresh: Path) -> Difference | None:
     if difference and _one_sided(difference):
         # One run has more messages. That is a difference only if the shorter recording was not cut off.
         shorter = a if difference.recorded is None else b
-        if not shorter.scan().complete and difference.t_ns > shorter.last_ns:
+        if not shorter.scan().complete and difference.t_ns > shorter.end_ns(difference.port):
             return None
         if shorter is a and _stopped(a) and difference.t_ns >= shorter.last_ns:
             return None
@@ -167,19 +177,26 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
         raise RecordingError(f"{out}: the fresh run left no {MCAP_NAME}; is record.mcap on in {config}?")
     difference = compare(recorded, fresh)
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
-    ticks = min(a.last_ns, b.last_ns) // _tick_ns(a, b) + 1
-    verdict = carry_verdict(run_dir, out, identical=difference is None)
-    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)), verdict, _stopped(a))
+    ticks = min(a.whole_ns, b.whole_ns) // _tick_ns(a, b) + 1
+    digests, digest = _whole_digests(run_dir, a), _digest(b)
+    recorded_digest = next((one for one in digests if one != digest), next(iter(digests), None))
+    identical = difference is None and recorded_digest in (None, digest)
+    verdict = carry_verdict(run_dir, out, identical=identical)
+    shown = (recorded_digest, digest)
+    return ReplayResult(identical, difference, ticks, shown, verdict, _stopped(a), not a.complete)
+
+
+def _whole_digests(run_dir: Path, recording: Recording) -> list[str]:
+    """Return the digests of a run that came to its end, by its recording and by its run.json, which outlasts a cut."""
+    run = read_run(run_dir)
+    if _stopped(recording) or run.get("status") == "ERROR":
+        return []
+    return [digest for digest in (_digest(recording), run.get("digest")) if digest]
 
 
 def _refuse_not_repeatable(run_dir: Path) -> None:
     """Raise RecordingError for a run that had inputs which neither its configuration nor its trace contains."""
-    try:
-        run = json.loads((run_dir / RUN_JSON_NAME).read_text())
-    except (OSError, ValueError):
-        return  # a killed run has none; the comparison finds any difference
-    if not isinstance(run, dict):
-        return
+    run = read_run(run_dir)  # a killed run has none; the comparison finds any difference
     vehicles = run.get("vehicles")
     if vehicles:
         for name in vehicles:

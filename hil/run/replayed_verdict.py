@@ -26,7 +26,7 @@ def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> st
 
     Empty if the recorded run passed, or a folder has no run.json. Raises RecordingError.
     """
-    recorded, fresh = _read(recorded_dir), _read(fresh_dir)
+    recorded, fresh = read_run(recorded_dir), read_run(fresh_dir)
     if not recorded or not fresh:
         return ""
     status, error, reasons = recorded.get("status"), recorded.get("error"), _reasons(recorded)
@@ -47,7 +47,7 @@ def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> st
     return f"the run that was replayed: {status}" + (f" ({'; '.join(causes)})" if causes else "")
 
 
-def _read(folder: Path) -> dict[str, Any]:
+def read_run(folder: Path) -> dict[str, Any]:
     """Return the content of a folder's run.json; empty if it has none that can be read."""
     try:
         run = json.loads((folder / RUN_JSON_NAME).read_text(encoding="utf-8"))

@@ -40,7 +40,8 @@ _PARTS = 4  # parts of a recording, for uncertainties
 _MIN_START_POWER = 2.0  # of the frame's start, relative to the power that noise alone would give
 _ENVELOPE_PARTS = 8  # parts of a chirp
 _DIGITS = 3  # decimals of counts in a preset
-_MAX_CLIPPED_SHARE = 1e-4
+_MAX_CLIPPED_SHARE = 1e-4  # without a warning
+_MOST_CLIPPED_SHARE = 0.01  # with one; beyond, the figures are those of the converter's ends
 _MIN_MOTION = 100.0  # change of a bin between frames, relative to the median bin, that shows motion in the scene
 
 
@@ -133,8 +134,23 @@ def _check(recording: Recording, first: int, last: int, where: str) -> None:
         adc = recording.adc[first:last]
         constant = [k + 1 for k in range(recording.receivers) if int(adc[:, k].max()) == int(adc[:, k].min())]
         problems += [Problem(where, f"receiver {k} shows one code only: it is not connected") for k in constant]
+        problems += [] if constant else _unusable(adc, first, where)
     if problems:
         raise ConfigError(problems)
+
+
+def _unusable(adc: NDArray[Any], first: int, where: str) -> list[Problem]:
+    """Return why these frames, of which the first has this number, show no noise."""
+    problems = []
+    repeats = [first + i for i in range(1, len(adc)) if np.array_equal(adc[i], adc[i - 1])]
+    if repeats:
+        more = f", as {len(repeats) - 1} more do" if len(repeats) > 1 else ""
+        message = f"frame {repeats[0]} repeats the one before it to the last code{more}: noise never does"
+        problems.append(Problem(where, message, "record again, or choose others: --frames"))
+    if (clipped := _clipped_share(adc)) > _MOST_CLIPPED_SHARE:
+        message = f"{100.0 * clipped:.3g} % of the samples are clipped, which hides leakage and noise"
+        problems.append(Problem(where, message, "record with less gain, or nothing near"))
+    return problems
 
 
 def _mean_frames(adc: NDArray[Any]) -> Float64:
@@ -285,7 +301,7 @@ def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: fl
             f"reflectors at {ranges} m were {action} the pattern: calibrate in an empty scene for a preset that fits "
             "any scene"
         )
-    clipped = float(((adc == 0) | (adc == 2**ADC_BITS - 1)).mean())
+    clipped = _clipped_share(adc)
     if clipped > _MAX_CLIPPED_SHARE:
         found.append(f"{100.0 * clipped:.2g} % of the samples are clipped: leakage and noise are larger than fitted")
     if share > 0.5:
@@ -301,6 +317,10 @@ def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: fl
             f"something moved during the recording, about {ranges} m away: the fitted noise there may be too high"
         )
     return found
+
+
+def _clipped_share(adc: NDArray[Any]) -> float:
+    return float(((adc == 0) | (adc == 2**ADC_BITS - 1)).mean())
 
 
 def _moved(adc: NDArray[Any]) -> list[int]:

@@ -81,6 +81,7 @@ _INNER_WHY = {
 _STAMPS = 3  # seq, t_capture_ns, t_available_ns: faults leave them unchanged
 _AXES = "xyz"
 _WORD_BITS = 32
+_NO_SAMPLE, _NO_CHANGE = "no sample fell into its time", "it changed no sample"  # why a fault has had no effect
 
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 Size = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -253,7 +254,7 @@ class FaultySensor:
         self._expect_sky(faults)
         self._spans = [(fault, *fault.span_ns) for fault in faults]
         self._active = [False] * len(faults)
-        self._acted = [False] * len(faults)
+        self._unmet = [_NO_SAMPLE] * len(faults)  # why each has had no effect; empty: it had one
         self._frozen: dict[int, tuple[Any, ...]] = {}
         self._last: tuple[Any, ...] | None = None
         self._on_event = on_event
@@ -265,12 +266,12 @@ class FaultySensor:
         self._expect_sky((fault,))
         self._spans.append((fault, *fault.span_ns))
         self._active.append(False)
-        self._acted.append(False)
+        self._unmet.append(_NO_SAMPLE)
 
     @property
-    def unmet(self) -> list[Any]:
-        """Faults that have acted on no sample so far."""
-        return [fault for (fault, _, _), acted in zip(self._spans, self._acted, strict=True) if not acted]
+    def unmet(self) -> list[tuple[Any, str]]:
+        """Faults that have changed no sample so far, each with the reason."""
+        return [(fault, why) for (fault, _, _), why in zip(self._spans, self._unmet, strict=True) if why]
 
     def sample(self, truth: TruthState, seq: int) -> Sample | None:
         """Return sample `seq` with the faults that are active at `truth.t_ns`; None during a dropout."""
@@ -290,7 +291,7 @@ class FaultySensor:
                     self._on_event(t_ns, "fault", f"{self.name}: {fault.kind} {'began' if active else 'ended'}")
             if not active:
                 continue
-            self._acted[i] = True
+            before, self._unmet[i] = self._unmet[i], ""
             if isinstance(fault, Blocked | _Transmitter):
                 continue  # in the sample already
             if isinstance(fault, Dropout):
@@ -298,7 +299,9 @@ class FaultySensor:
             elif isinstance(fault, Freeze):
                 values = self._frozen.setdefault(i, values if self._last is None else self._last)
             else:
-                values = self._changed(values, fault, (t_ns - begin) / NS_PER_S)
+                changed = self._changed(values, fault, (t_ns - begin) / NS_PER_S)
+                self._unmet[i] = _NO_CHANGE if before and changed == values else ""
+                values = changed
         if dropped:
             return None
         self._last = values

@@ -76,6 +76,7 @@ class Outcome:
     cpu_s: float = 0.0  # of the worker's own process
     place: str = ""  # worker that made it
     unmet: tuple[str, ...] = ()  # of what the bench declares: faults and gusts that did not come, or the whole flight
+    flown: bool = True  # False: the vehicle never left its start, and passed
 
     @classmethod
     def from_run(cls, run: Mapping[str, Any]) -> Outcome:
@@ -94,6 +95,7 @@ class Outcome:
             bool(run["deterministic"]),
             run["sim_s"],
             unmet=(*([run["unflown"]] if "unflown" in run else []), *run.get("unmet", ())),
+            flown=run["status"] != "PASS" or "unflown" not in run,
         )
 
     @classmethod

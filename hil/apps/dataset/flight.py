@@ -24,6 +24,7 @@ from hil.apps.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.config.schema import MAX_SEED
 from hil.run.bench_run import fly
 from hil.run.part import Part, RunContext
+from hil.run.parts.simulated.unmet_faults import Unmet
 from hil.run.recorder.mcap.topics import Columns, columns_of
 from hil.run.recorder.no_recorder import NoRecorder
 from signals.errors import RecordingError
@@ -88,6 +89,7 @@ class FlightRecorder(NoRecorder):
         self._first_ns = -1  # time of the data set's first frame
         self._last_ns = -1  # time of its last frame, once that is known
         self._recording = False
+        self.unmet: list[Unmet] | None = None  # declared faults and gusts that no flight so far has met
         latencies = [getattr(s.parameters, "latency_s", 0.0) for s in plan.flight_sensors.values()]
         self._settle_ns = round(max(latencies, default=0.0) * NS_PER_S) + plan.config.tick_ns
         mission = plan.bench.mission
@@ -173,6 +175,11 @@ class FlightRecorder(NoRecorder):
         if self._first_ns >= 0 and self._last_ns < 0:
             self._events.append((t_ns + self._base_ns, kind, text))
 
+    def flown(self, unmet: list[Unmet]) -> None:
+        """End a flight that did not meet these faults and gusts."""
+        missed = [one.what for one in unmet]
+        self.unmet = unmet if self.unmet is None else [one for one in self.unmet if one.what in missed]
+
     def finish(self) -> None:
         """Emit the last, incomplete batch. Call once, after the last flight."""
         batch = self.batches.take()
@@ -203,6 +210,11 @@ class EnoughFrames(Part):
         """Return True if the data set has all that it needs of this flight."""
         return self._over
 
+    def unmet(self) -> list[Unmet]:
+        """Return the declared faults and gusts that the flight has not met."""
+        part = self._run.part("unmet_faults")
+        return [] if part is None else list(part.unmet)
+
 
 def fly_for_frames(plan: DatasetPlan, on_batch: OnBatch) -> FlightRecorder:
     """Fly until there are `plan.frames` frames, calling `on_batch` with each batch in order.
@@ -218,6 +230,7 @@ def fly_for_frames(plan: DatasetPlan, on_batch: OnBatch) -> FlightRecorder:
             seed = (plan.config.seed + flight) % (MAX_SEED + 1)
             bench, part = plan.flight_bench(seed), EnoughFrames(recorder)
             fly(bench, Path(folder), recorder, part, vehicle=plan.vehicle, place=recorder.place)
+            recorder.flown(part.unmet())
             if recorder.batches.frames == frames_before:
                 raise RecordingError(_no_frames_message(plan, flight))
             flight += 1

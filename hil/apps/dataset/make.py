@@ -67,7 +67,8 @@ class FrameProgress(CountProgress):
 class DatasetResult:
     """Outcome of `make_dataset`. `steady_frames_per_s` is measured from the first finished batch to the last.
 
-    `warnings` and `problems` tell of sensors whose samples show nothing, some or all of them.
+    `warnings` and `problems` tell of sensors whose samples show nothing, some or all of them; `warnings` also of
+    faults and gusts that no flight met.
     """
 
     out: Path
@@ -156,7 +157,7 @@ class _DatasetMaker:
             pipeline.add(batch, data)
 
         try:
-            fly_for_frames(plan, on_batch)
+            flights = fly_for_frames(plan, on_batch)
             pipeline.finish()
             catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
             finish(plan, store, pipeline.records, catalogue=catalogue, files=files, made_from=self.made_from)
@@ -171,5 +172,6 @@ class _DatasetMaker:
         labelled = sum(sum(counts.values()) for record in pipeline.records for counts in record.objects)
         objects = None if plan.labelled is None else labelled
         wall_s = time.monotonic() - self.began_s
-        told = enclosed.warnings(), enclosed.problems()
+        warnings = [*(f"not in the data set: {one.text}" for one in flights.unmet or ()), *enclosed.warnings()]
+        told = warnings, enclosed.problems()
         return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects, *told)

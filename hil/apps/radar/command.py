@@ -21,6 +21,7 @@ from rich.progress import track
 
 from hil.apps.radar.dca1000 import Dca1000File
 from hil.apps.radar.dca1000_source import open_capture
+from hil.apps.radar.raw_codes import RawCodes
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
@@ -125,15 +126,19 @@ def _process(
     processor = Processor(p.chirp, p.antenna.array, p.processing)
     results = Results(p.seen, source.count)
     made_frames: list[Frame] = []
+    codes = RawCodes(p.receiver.adc_bits)
     hidden = quiet or not console.is_terminal
     for frame in track(
         source.frames, source.description, source.count, console=console, transient=True, disable=hidden
     ):
+        codes.add(frame.raw)
         results.add(frame.t_ns, processor.process(frame.raw, frame.t_ns))
         if capture is not None:
             capture.add(frame.t_ns, frame.raw)
         if source.from_pictures:
             made_frames.append(frame)
+    for warning in codes.warnings():
+        console.print(f"warning: {warning}", markup=False)
     return results, made_frames
 
 

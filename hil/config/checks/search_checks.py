@@ -1,15 +1,19 @@
-"""Checks of the section `search`: its camera, and whether a client of the bench can report what is searched for."""
+"""Checks of a search: its camera, whether a client can report what is searched for, and whether the scene has any."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from hil.config.companion.clients import known_clients, make_client_importable
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, Companion
 from signals.documents.validate import at, nearest
 from signals.errors import Problem
+from sim.scene.scene import Scene
+from sim.world_loader import load_world
 
 _DETECTOR = "detect"  # of the shipped clients, the one that reports objects
 
@@ -42,6 +46,19 @@ def search_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             text = f"is {search.label!r}, and detect reports the objects of {', '.join(reported) or 'nothing'} alone"
             report(("label",), text, f"companion: {{settings: {{objects: [{search.label}]}}}}")
     return problems
+
+
+def missing_object_problems(config: BenchConfig, scene: Scene, settings: Settings) -> list[Problem]:
+    """Report a label of which the scene has no object, before a flight that could find none."""
+    if config.search is None:
+        return []
+    world, label = load_world(scene), config.search.label
+    classes, objects = list(world.class_names), np.asarray(world.geom_class)[np.asarray(world.geom_instance) > 0]
+    there = [classes[number] for number in np.unique(objects)]
+    if label in there:
+        return []
+    message = f"is {label!r}, of which the scene {scene.name!r} has no object: nothing could be found"
+    return [at(settings, ("search", "label"), message, nearest(label, there))]
 
 
 def _are_shipped(companion: Companion) -> bool:

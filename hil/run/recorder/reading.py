@@ -153,6 +153,23 @@ class Recording:
         messages.sort(key=causal_order)
         return messages
 
+    def end_ns(self, topic: str) -> int:
+        """Return the log time of the last readable message; of several vehicles, of that of this topic.
+
+        Call it after `scan`. The vehicles of a recording that was cut off end at different times.
+        """
+        name = topic.split("/")[1]
+        if name not in self.vehicles:
+            return self.last_ns
+        own = (message.log_time_ns for message in self.messages() if message.topic.startswith(f"/{name}/"))
+        return max(own, default=-1)
+
+    @property
+    def whole_ns(self) -> int:
+        """Log time up to which the messages of all vehicles are readable, after `scan`."""
+        ends = () if self.complete else (self.end_ns(f"/{name}/") for name in self.vehicles)
+        return min(ends, default=self.last_ns)
+
     def messages(self) -> Iterator[RecordedMessage]:
         """Yield every readable message, in order."""
         for chunk in self.chunks():

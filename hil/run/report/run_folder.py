@@ -30,6 +30,8 @@ _SUFFIXES = (
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
 _RESULTS = (RUN_JSON_NAME, PAGE_NAME, BENCH_NAME)  # what makes a folder one of a run
+# Files of companions and searches, which not every run has. A replay takes the answers of the first.
+_OF_SOME = ("companion.jsonl", "companion_timing.csv", "companion_views.jsonl", "people.json", "search.png")
 
 
 @contextlib.contextmanager
@@ -105,7 +107,7 @@ def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
 
 
 def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> None:
-    """Remove report and recordings of an earlier run in `out`, which would pass for those of this one.
+    """Remove report, recordings, and what a companion left, of an earlier run in `out`: it would pass for this one's.
 
     `kept`: files and folders of runs that this run reads. A folder without a run.json, or of a data set, is left alone.
     """
@@ -113,7 +115,7 @@ def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> N
         return
     read = {Path(os.path.realpath(path)) for path in kept}
     for folder in (out, *(out / name for name in vehicles)):
-        for name in (PAGE_NAME, MCAP_NAME, TLOG_NAME):
+        for name in (PAGE_NAME, MCAP_NAME, TLOG_NAME, *_OF_SOME):
             real = Path(os.path.realpath(folder / name))
             if not read & {real, real.parent}:
                 with contextlib.suppress(OSError):

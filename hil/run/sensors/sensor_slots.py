@@ -92,9 +92,12 @@ class SensorSlots:
         self._faulty[name] = FaultySensor(self._without_faults[name], (), on_event=self._recorder.event)
         slot.sample = self._faulty[name].sample
 
-    def unmet(self) -> list[SensorFault]:
-        """Return the faults that have acted on no sample, but for declared ones of sensors that are not sampled."""
-        return [*self._unsampled, *(fault for sensor in self._faulty.values() for fault in sensor.unmet)]
+    def unmet(self) -> list[tuple[SensorFault, str]]:
+        """Return the faults that have changed no sample, each with the reason."""
+        sampled = {slot.port for slot in self.slots}
+        declared = (fault for fault in self._bench.config.faults.sensors if fault.sensor not in sampled)
+        unsampled = [(fault, "it was not sampled: nothing reads it") for fault in (*declared, *self._unsampled)]
+        return [*unsampled, *(found for sensor in self._faulty.values() for found in sensor.unmet)]
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config, script = self._bench.config, self._bench.script

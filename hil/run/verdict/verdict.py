@@ -7,10 +7,11 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
                    the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
                    least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
-                   corner. The vehicle must have flown there, though: with a margin above `REACH_MARGIN_M` radius and
-                   margin together reach no further than half of the longer of the legs that meet at the waypoint (the
-                   middle of a square is farther from its corners), one above `UNJUDGED_M` no further than half of its
-                   own leg, and a height above it, or without a limit, no lower than half of the waypoint's height.
+                   corner. The vehicle must have flown there, though, and the middle of a square is 0.7 of a side from
+                   its corners: radius and margin together reach no further than half of the longer of the legs that
+                   meet at the waypoint, or, where that is more, than the radius plus the lesser of `REACH_MARGIN_M`
+                   and an eighth of that leg. A margin above `UNJUDGED_M` reaches no further than half of its own leg,
+                   and a height above it, or without a limit, no lower than half of the waypoint's height.
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
@@ -23,6 +24,8 @@ altitude_error_m   Greatest |z - planned z| while cross-track is measured and th
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
+holds              A waypoint with a time to wait was flown only if the vehicle was within its reach for that time, less
+                   `LESS_HOLD_S`, before it left for the next one.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
                    `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
@@ -46,11 +49,13 @@ from signals.documents.validate import unit_of
 from signals.errors import HilError
 from signals.rotation import cos_tilt_of
 from signals.samples import Quat, TruthState, Vec3
+from signals.time import NS_PER_S
 
 REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
 SETTLE_M = 5.0
+LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
 STILL_M = 0.05  # a plan whose legs are all shorter stays over one place
 AIRBORNE_M = 0.3  # height above the start
@@ -76,6 +81,7 @@ class Measurements:
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
+    hold_missed: str = ""  # the first waypoint at which the vehicle did not wait, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -102,6 +108,30 @@ class TakeOffHeight:
         return f"the take-off was not finished: the vehicle stayed {below_m:.3g} m below where it counts"
 
 
+class _Hold:
+    """Time within reach of a waypoint at which the plan waits."""
+
+    def __init__(self, hold_s: float) -> None:
+        self._hold_s = hold_s
+        self._inside_ns = 0
+        self._before_ns: int | None = None  # time of the last call, if it was inside
+
+    def add(self, t_ns: int, *, inside: bool) -> None:
+        """Add a time from the arrival on."""
+        if inside and self._before_ns is not None:
+            self._inside_ns += t_ns - self._before_ns
+        self._before_ns = t_ns if inside else None
+
+    @property
+    def missed(self) -> bool:
+        """True if the vehicle was not there long enough."""
+        return self._inside_ns < (self._hold_s - LESS_HOLD_S) * NS_PER_S
+
+    @property
+    def text(self) -> str:
+        return f"{self._inside_ns / NS_PER_S:.0f} s; the plan waits there for {self._hold_s:g} s"
+
+
 class FlightMeasurement:
     """Measures a flight tick by tick, in constant memory and time per tick whatever the length of the plan.
 
@@ -115,8 +145,12 @@ class FlightMeasurement:
         *,
         stride: int = 10,
         cos_tilt: Callable[[Quat], float] = cos_tilt_of,
+        holds_s: Sequence[float] = (),
     ) -> None:
-        """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical."""
+        """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
+
+        `holds_s`: times to wait at the waypoints; empty: none is judged.
+        """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
@@ -136,6 +170,8 @@ class FlightMeasurement:
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
         self._take_off = TakeOffHeight(legs)
+        self._holds = {i: _Hold(hold_s) for i, hold_s in enumerate(holds_s) if hold_s > LESS_HOLD_S}
+        self._staying: list[int] = []  # waypoints reached, at which the plan waits
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -206,6 +242,11 @@ class FlightMeasurement:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs):
             self._follow(truth.p_WB)
+        for i in self._staying:
+            inside = self._is_reached(i, truth.p_WB)
+            self._holds[i].add(truth.t_ns, inside=inside)
+            if not inside and i + 1 < self._waypoint:
+                self._staying = [other for other in self._staying if other != i]  # it has left for the next one
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
@@ -220,11 +261,16 @@ class FlightMeasurement:
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
             if self._settled(p_WB):
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
-        leg = fly[target]
-        dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
-        radius_m = self._reaches_m[target]
-        if dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m:
+        if self._is_reached(target, p_WB):
             self._waypoint += 1
+            if target in self._holds:
+                self._staying.append(target)
+
+    def _is_reached(self, target: int, p_WB: Vec3) -> bool:
+        """Return True within reach of a waypoint."""
+        dx, dy, dz = (p_WB[i] - self._fly_legs[target].end_W[i] for i in range(3))
+        radius_m = self._reaches_m[target]
+        return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
 
     def _settled(self, p_WB: Vec3) -> bool:
         """Return True if the leg being flown is level and the vehicle has flown level for `SETTLE_M`."""
@@ -252,6 +298,9 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
+        missed = (i for i, hold in self._holds.items() if i < self._waypoint and hold.missed)
+        holds = (f"the vehicle was at waypoint {i + 1} for {self._holds[i].text}" for i in missed)
+        hold_missed = next(holds, "")
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,
@@ -259,6 +308,7 @@ class FlightMeasurement:
             and self._endless_item is None
             and all_reached
             and not self._take_off.missed
+            and not hold_missed
             and self._airborne
             and (landed or not to_ground),
             landed=landed,
@@ -270,6 +320,7 @@ class FlightMeasurement:
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
+            hold_missed=hold_missed,
             endless_item=self._endless_item,
         )
 
@@ -331,7 +382,7 @@ def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
     for i, leg in enumerate(fly):
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
         radius_m = leg.acceptance_radius_m
-        near_m = max(radius_m + REACH_MARGIN_M, min(radius_m + margin_m, 0.5 * longer_m))
+        near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
         reaches_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
     return reaches_m
 
@@ -460,8 +511,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
-        elif measured.take_off_missed:
-            reasons.append(measured.take_off_missed)
+        elif measured.take_off_missed or measured.hold_missed:
+            reasons.append(measured.take_off_missed or measured.hold_missed)
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:

@@ -57,7 +57,7 @@ class Search:
         self.tried = 0
         self.ended = False  # by a failure or the number of trials
         self.tally = Tally()  # of the cases
-        self.unmet: list[str] = []  # of each trial that failed for nothing but what did not come, the first reason
+        self.unmet: list[str] = []  # of each trial that says nothing for want of what was declared, the first text
         self.show: Callable[[], None] = lambda: None
 
     def run(self, trials: Trials, store: Store, *, count: int, batch: int, every: bool) -> None:
@@ -95,8 +95,8 @@ class Search:
         value = None if made is None else objective(made.outcome)
         if value is None or made is None:  # not flown, or it says nothing about the vehicle
             self._study.tell(asked, state=self._optuna.trial.TrialState.FAIL)
-            if made is not None and made.outcome.status == "FAIL":
-                self.unmet.append(made.outcome.reasons[0])
+            if made is not None and made.outcome.status != "ERROR":
+                self.unmet.append(made.outcome.unmet[0])
         else:
             self._study.tell(asked, value)
             if self.smallest is None or value < (objective(self.smallest.outcome) or 0.0):
@@ -122,9 +122,10 @@ def objective(outcome: Outcome) -> float | None:
     """Return the number that a search makes as small as possible; None: the flight says nothing about the vehicle.
 
     It is the smallest margin. A FAIL whose margins do not tell it, such as a crash, is below every margin; one for no
-    other reason than a fault that did not come says nothing.
+    other reason than a fault that did not come says nothing, and neither does a PASS of a vehicle that never flew.
     """
-    if outcome.status == "ERROR" or (outcome.reasons and set(outcome.reasons) <= set(outcome.unmet)):
+    unmet = outcome.reasons and set(outcome.reasons) <= set(outcome.unmet)
+    if outcome.status == "ERROR" or not outcome.flown or unmet:
         return None
     worst = outcome.worst
     margin = None if worst is None else worst.margin

@@ -63,6 +63,7 @@ class Comparison:
     same_cases: int = 0  # pairs of the same identity: nothing that makes a flight differs
     tallies: tuple[Tally, Tally] = field(default_factory=lambda: (Tally(), Tally()))  # of the pairs
     alone: tuple[int, int] = (0, 0)  # cases without a partner
+    incomplete: list[str] = field(default_factory=list)  # folders whose plan was not flown to its end
     not_judged: int = 0  # pairs with an ERROR or a FLAKE that say neither better nor worse
     partial: bool = False  # cases without an answer are accepted
     left_out: list[str] = field(default_factory=list)  # axes that have no value in common
@@ -99,12 +100,13 @@ class Comparison:
         """Name the cases of which the comparison does not say whether they became worse; empty if there are none."""
         first, second = self.alone
         parts = [f"{first + second} without a partner"] if first + second else []
+        parts += [f"those of its plan that {folder} has not flown" for folder in self.incomplete]
         parts += [f"{self.not_judged} with ERROR or FLAKE in place of a verdict"] if self.not_judged else []
         return ", ".join(parts)
 
     @property
     def exit_status(self) -> int:
-        """0: no case became worse; 1: a case did, or may have: it has no partner or no verdict, unless `partial`."""
+        """0: no case became worse; 1: a case did, or may have: no partner, verdict or flight, unless `partial`."""
         if self.worse or not any(tally.judged for tally in self.tallies):
             return 1
         return 1 if self.unanswered and not self.partial else 0
@@ -127,6 +129,7 @@ class Comparison:
             "pairs": self.pairs,
             "same_cases": self.same_cases,
             "without_partner": list(self.alone),
+            "incomplete": self.incomplete,
             "not_judged": self.not_judged,
             "axes_left_out": self.left_out,
             "differences": {key: list(values) for key, values in self.differences.items()},
@@ -159,8 +162,11 @@ def compare_campaigns(first: Path, second: Path, *, partial: bool = False) -> Co
         hint = f"axes without a common value: {', '.join(result.left_out) or 'none'}"
         raise ConfigError([Problem(str(second), f"has no case with the same axes as one of {first}", hint)])
     result.alone = len(ours) - result.pairs, len(theirs) - result.pairs
+    folders, summaries = (first, second), (_summary(first), _summary(second))
+    pairs = zip(folders, summaries, strict=True)
+    result.incomplete = [str(folder) for folder, summary in pairs if summary.get("complete") is False]
     for name in ("bench", "program"):
-        values = [_summary(folder).get(name) for folder in (first, second)]
+        values = [summary.get(name) for summary in summaries]
         if values[0] != values[1]:
             result.differences[name] = str(values[0]), str(values[1])
     return result

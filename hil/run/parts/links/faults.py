@@ -46,9 +46,10 @@ class LinkFaultsPart(Part):
         return True
 
     @property
-    def unmet(self) -> list[LinkFault]:
-        """Return the faults that no message has met."""
-        return [] if self._transport is None else [self._transport.faults[i] for i in self._transport.unmet()]
+    def unmet(self) -> list[tuple[LinkFault, int]]:
+        """Return the faults that hit nothing, each with the number of units that it could have hit."""
+        transport = self._transport
+        return [] if transport is None else [(transport.faults[i], count) for i, count in transport.unmet().items()]
 
     def run_keys(self) -> dict[str, Any]:
         faults = self._config.faults.links if self._transport is None else self._transport.faults

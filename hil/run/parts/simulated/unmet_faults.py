@@ -24,6 +24,7 @@ from hil.config.schema import BenchConfig
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import Verdict
 from signals.time import NS_PER_S
+from signals.words import counted
 
 
 class Unmet(NamedTuple):
@@ -57,7 +58,7 @@ class UnmetFaultsPart(Part):
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
         others = [part for other in run.fleet if other is not run and (part := other.part(self.name)) is not None]
-        for what, text, fails in self._missed:
+        for what, text, fails in self.unmet:
             if any(part.has_met(what) for part in others):
                 continue
             self._unmet.append(text)
@@ -68,11 +69,11 @@ class UnmetFaultsPart(Part):
 
     def has_met(self, what: Any) -> bool:
         """Return True if the bench of this vehicle declares a fault or gust, too, and its flight has met it."""
-        return what in self._declared and what not in [unmet.what for unmet in self._missed]
+        return what in self._declared and what not in [unmet.what for unmet in self.unmet]
 
     @cached_property
-    def _missed(self) -> list[Unmet]:
-        """Faults and gusts that the flight did not meet; every other vehicle asks for them, after the flight."""
+    def unmet(self) -> list[Unmet]:
+        """Faults and gusts that the flight did not meet, at its end; every other vehicle asks for them."""
         return list(self._found())
 
     def _found(self) -> Iterator[Unmet]:
@@ -87,17 +88,15 @@ class UnmetFaultsPart(Part):
             if at_s >= end_s:  # of those of a script, its own part judges
                 text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
                 yield Unmet(what, text, what in self._own and not ends_early)
-        sampled, read = {slot.port for slot in run.sensors.slots}, self._read_sensors()
-        unsampled = [fault for fault in config.faults.sensors if fault.sensor not in sampled]
-        for fault in (*unsampled, *run.sensors.unmet()):
+        read = self._read_sensors()
+        for fault, why in run.sensors.unmet():
             if fault.at_s < end_s:
-                missed = "no sample fell into its time"
-                why = missed if fault.sensor in sampled else "it was not sampled: nothing reads it"
                 text = f"{_of_sensor(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required and fault.sensor in read)
-        for fault in run.part("faults").unmet:
+        for fault, count in run.part("faults").unmet:
             if fault.at_s < end_s:
-                text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: no such message passed"
+                why = f"it hit none of {counted(count, fault.unit)}" if count else "no such message passed"
+                text = f"{_of_link(fault)} at {fault.at_s:g} s had no effect: {why}"
                 yield Unmet(fault, text, fault in required)
 
     def _read_sensors(self) -> set[str]:

@@ -203,6 +203,34 @@ def test_a_flight_in_the_teardown_of_a_fixture_is_checked(project: pytest.Pytest
     assert kept(project) == []
 
 
+def test_a_pass_of_nothing_fails_the_test(project: pytest.Pytester) -> None:
+    """A bench without a mission passes on the ground, with a warning that no passed test shows."""
+    test = """
+    def test_on_the_ground(rig):
+        assert rig.fly().passed
+
+    @pytest.mark.hil_allow("unflown")
+    def test_allowed(rig):
+        assert rig.fly().passed
+
+    def test_skipped_after_a_flight(rig, mission):
+        rig.fly(mission("square.waypoints"))
+        pytest.skip("nothing to see")
+
+    def test_skipped_in_peace(rig, mission):
+        assert rig.fly(mission("square.waypoints")).status == "FAIL"
+        pytest.skip("nothing to see")
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=1, failed=2, skipped=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*unflown: 1 (a PASS of a vehicle that never left its start)",
+            "*fail: 1 (a FAIL whose verdict the test did not read*",
+        ]
+    )
+
+
 def test_a_crash_that_the_test_does_not_look_at_fails_it(project: pytest.Pytester) -> None:
     test = """
     def fall(rig):

@@ -37,7 +37,7 @@ def problem(*lines: str, more: str = "", rig: str | None = None) -> str:
 
 
 SEARCH = """\
-scene: airfield
+scene: city_park
 sensors: {front: {kind: camera, resolution: [64, 48], fov_deg: 80, rate_hz: 2}}
 search:
   label: %s
@@ -56,11 +56,11 @@ search:
         ("person", "start: [detect]", None),
         ("vehicle", "settings: {objects: [person, vehicle]}, start: [detect]", None),
         ("vehicle", "settings: {objects: null}, start: [detect]", None),
-        ("zebra", "start: [detect, my.own:client]", None),
-        ("zebra", "start: [detect], clients: 2", None),
-        ("zebra", "clients: 1", None),
-        ("zebra", "settings: {model: mine.onnx}, start: [detect]", None),
-        ("zebra", "settings: {threshold: high}, start: [detect]", None),
+        ("tree", "start: [detect, my.own:client]", None),
+        ("tree", "start: [detect], clients: 2", None),
+        ("tree", "clients: 1", None),
+        ("tree", "settings: {model: mine.onnx}, start: [detect]", None),
+        ("tree", "settings: {threshold: high}, start: [detect]", None),
     ],
 )
 def test_a_search_for_what_the_detector_never_reports_is_refused(label: str, clients: str, told: str | None) -> None:

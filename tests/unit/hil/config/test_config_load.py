@@ -53,6 +53,12 @@ def test_limits_that_no_flight_breaks_are_refused_at_their_line() -> None:
         "b.yaml:3: crash.impact_mps: 1000 m/s is too wide to judge a flight: write less than 50 m/s, or null",
         "b.yaml:5: plane_limits.stalled_s: 1e+06 s is too wide to judge a flight: write less than 3600 s, or null",
     ]
+    more = "follow: {position_max_m: 1000, attitude_rms_deg: 400}\nplane_limits: {airspeed_margin: 1.0e-9}\n"
+    assert refused(more) == [
+        "b.yaml:1: follow.position_max_m: 1000 m is too wide to judge a flight: write less than 1000 m, or null",
+        "b.yaml:1: follow.attitude_rms_deg: 400 deg is too wide to judge a flight: write less than 180 deg, or null",
+        "b.yaml:2: plane_limits.airspeed_margin must be at least 0.5, not 1e-09",
+    ]
     assert load("limits: {max_cross_track_m: 900, landed_tilt_deg: null}\n").config.limits.landed_tilt_deg is None
 
 

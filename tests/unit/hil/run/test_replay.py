@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
+from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
+from hil.run.recorder.mcap.mcap_sink import McapRecording
+from hil.run.recorder.reading import Recording
 from hil.run.recorder.recorder import Recorder
 from hil.run.replay import _traces, compare, replay
 from hil.run.report.page import Report, write_page
@@ -116,6 +119,29 @@ def test_an_earlier_end_is_a_difference_but_a_cut_is_not(flight: list[Tick], rec
     assert compare(recorded, cut) is None
 
 
+def test_a_recording_of_several_vehicles_is_compared_up_to_the_end_of_each(flight: list[Tick], tmp_path: Path) -> None:
+    """The chunk of the second vehicle was missed where that of the first is the last one in the file."""
+    path = tmp_path / "run.mcap"
+    recording = McapRecording(SafeFile(path), tick_ns=TICK_NS, metadata={"vehicles": "a b"}, attachments={})
+    recorders = [
+        Recorder(tmp_path, mcap=VehicleTopics(recording.mcap, name), tlog=False, tick_ns=TICK_NS) for name in "ab"
+    ]
+    for tick in flight:
+        for recorder in recorders:
+            fly(recorder, [tick])
+    for recorder in recorders:
+        recorder.close("PASS")
+    recording.close(TICKS, {})
+    whole, ends = path.read_bytes(), []
+    for tenths in range(2, 10):
+        cut = tmp_path / "cut.mcap"
+        cut.write_bytes(whole[: len(whole) * tenths // 10])
+        assert compare(cut, path) is None
+        scanned = Recording(cut).scan()
+        ends.append((scanned.whole_ns, scanned.last_ns))
+    assert any(b_ns < a_ns for b_ns, a_ns in ends)
+
+
 def test_values_equal_but_bits_not(flight: list[Tick], tmp_path: Path) -> None:
     def flown(x: float) -> list[Tick]:
         return with_tick(flight[:9], 5, truth=flight[5].truth._replace(p_WB=(x, 0.0, 0.0)))
@@ -165,6 +191,35 @@ def test_a_run_that_ended_as_error_is_compared_up_to_its_last_tick(flight: list[
     record(tmp_path, flight)
     broken = replay(tmp_path, lambda _, out: record(out, flight[:40], status="ERROR"), out_dir=tmp_path / "broken")
     assert not broken.identical
+
+
+def test_digests_that_differ_are_a_difference_of_what_is_not_recorded(flight: list[Tick], tmp_path: Path) -> None:
+    """Pictures that are not recorded are in the digest alone, and so is what a damaged copy of a recording has lost."""
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+
+    def replayed() -> tuple[bool, str]:
+        result = replay(tmp_path, lambda _, out: record(out, flight))
+        return result.identical, str(result)
+
+    record(tmp_path, flight)
+    digest = Recording(tmp_path / "run.mcap").scan().metadata["hil_result"]["digest"]
+    run_json(tmp_path, "PASS", digest=digest)
+    assert replayed() == (True, f"identical over {TICKS} ticks, digest {digest}")
+    run_json(tmp_path, "PASS", digest="another")
+    identical, said = replayed()
+    assert not identical
+    assert f"messages are the same over {TICKS} ticks, the digests are not: another != {digest}" in said
+    file = tmp_path / "run.mcap"
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    identical, said = replayed()
+    assert not identical, "half of the recording is gone, and the digest of the run is not that of the fresh one"
+    assert "up to where the recording was cut off, the digests are not: another !=" in said
+    run_json(tmp_path, "PASS", digest=digest)
+    identical, said = replayed()
+    assert identical
+    assert said.endswith(f"up to where the recording was cut off, digest {digest}, that of the whole run")
+    run_json(tmp_path, "ERROR", digest="of what was flown", error={"type": "Killed", "message": ""})
+    assert replayed()[0], "a killed run has no digest of the whole"
 
 
 def run_json(folder: Path, status: str, *reasons: str, **more: object) -> None:

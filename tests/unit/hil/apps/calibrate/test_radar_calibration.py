@@ -152,7 +152,7 @@ def test_an_even_converter_and_no_wander_are_found() -> None:
 
 
 def test_clipping_and_movement_are_reported() -> None:
-    loud = reflector(1.4, 2500.0)
+    loud = reflector(1.4, 1945.0)
     assert any("clipped" in w for w in calibrate(recording_of(frames_of(truth(), 8, signal=loud))).warnings)
     adc = np.concatenate([frames_of(truth(), 8, signal=reflector(14.0, a), seed=int(a)) for a in (20.0, 90.0)])
     warnings = calibrate(recording_of(adc)).warnings
@@ -174,6 +174,22 @@ def test_a_dead_receiver_is_named() -> None:
     adc[:, 1] = 2048
     with pytest.raises(ConfigError, match="receiver 2 shows one code only"):
         calibrate(recording_of(adc))
+
+
+def test_frames_without_noise_of_their_own_are_refused() -> None:
+    """One frame over and over was fitted with deviations of 0."""
+    adc = frames_of(truth(), 16)
+    adc[9] = adc[8]
+    with pytest.raises(ConfigError, match="frame 9 repeats the one before it to the last code: noise never does"):
+        calibrate(recording_of(adc))
+    with pytest.raises(ConfigError, match="frame 9 repeats"):
+        calibrate(recording_of(adc), frames=(4, 12))
+    assert calibrate(recording_of(adc), frames=(0, 9)).warnings == ()
+    adc[:] = adc[0]
+    with pytest.raises(ConfigError, match="frame 1 repeats the one before it to the last code, as 14 more do"):
+        calibrate(recording_of(adc))
+    with pytest.raises(ConfigError, match=r"\d % of the samples are clipped, which hides leakage and noise"):
+        calibrate(recording_of(frames_of(truth(), 8, signal=reflector(1.4, 2500.0))))
 
 
 def test_a_tone_shows_its_amplitude_and_white_noise_its_variance() -> None:

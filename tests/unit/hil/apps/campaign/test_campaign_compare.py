@@ -94,6 +94,24 @@ def test_cases_without_an_answer_are_no_success(
     assert compare_campaigns(a, b).alone == (max(0, len(ours) - len(theirs)), max(0, len(theirs) - len(ours)))
 
 
+@pytest.mark.parametrize("stopped", ["a", "b"])
+def test_what_a_campaign_that_was_stopped_did_not_fly_has_no_answer(
+    tmp_path: Path, stopped: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two that were stopped at the same case had the same pairs, and no case became worse."""
+    folders = [campaign(tmp_path / name, seeds("PF")) for name in ("a", "b")]
+    for folder in folders:
+        (folder / "campaign.json").write_text(json.dumps({"complete": folder.name != stopped}))
+    command = ["campaign", "compare", *map(str, folders)]
+    assert run_command_line(command) == 1
+    assert f"not compared: those of its plan that {tmp_path / stopped} has not flown; so" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert run_command_line([*command, "--partial"]) == 0
+    (tmp_path / stopped / "campaign.json").write_text(json.dumps({"complete": True}))
+    assert run_command_line(command) == 0
+
+
 def test_margins_are_compared_in_pairs(tmp_path: Path) -> None:
     a = campaign(tmp_path / "a", seeds("PPPP", [0.1, 0.2, 0.3, None]))
     b = campaign(tmp_path / "b", seeds("PPPP", [0.2, 0.2, 0.6, 0.4]))

@@ -130,15 +130,18 @@ def test_objective() -> None:
     late = replace(outcome("FAIL", 0.5), reasons=("the gust never began",), unmet=("the gust never began",))
     assert objective(late) is None
     assert objective(replace(late, reasons=("crashed", *late.reasons))) == float("-inf")
+    assert objective(replace(outcome("PASS", 0.5), flown=False)) is None
 
 
 @needs_optuna
 @pytest.mark.parametrize("always", [True, False])
+@pytest.mark.parametrize("reasons", [("the gust never began",), ()])
 def test_trials_that_did_not_meet_what_they_declare_are_no_failure(
-    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, always: bool
+    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, always: bool, reasons: tuple[str, ...]
 ) -> None:
-    """It said "no failure found", and ended with status 1."""
-    late = Outcome("FAIL", ("the gust never began",), unmet=("the gust never began",), digest="l", repeatable=True)
+    """It said "no failure found", and ended with status 1; of vehicles that never flew (no reasons) with status 0."""
+    late = Outcome("FAIL" if reasons else "PASS", reasons, digest="l", repeatable=True)
+    late = replace(late, unmet=("the gust never began",), flown=bool(reasons))
     engine = OracleEngine(lambda bench: late if always or bench.config.faults.sensors else PASS, 2)
     monkeypatch.setattr(command, "LocalEngine", lambda *_, **__: engine)
     said = io.StringIO()

@@ -13,6 +13,7 @@ from hil.apps.dataset.enclosed_sensors import EnclosedSensors
 from hil.apps.dataset.make import MakeOptions
 from hil.apps.dataset.moments import Batch, DueSample, Moment
 from hil.apps.dataset.plan import EPOCH_NS
+from hil.config import load_bench
 from signals.errors import ConfigError
 from signals.samples import TruthState, Vec3
 from sim.physics.enclosed_points import EnclosedPoints
@@ -46,6 +47,16 @@ def test_a_point_is_inside_what_is_solid_there(tmp_path: Path) -> None:
     assert "" in built
     assert {points.around((x, y, 300.0)) for x, y in places} == {""}
     assert "" not in {points.around((x, y, -1.0)) for x, y in places}
+
+
+def test_a_point_deep_below_terrain_is_inside_it() -> None:
+    """The solid of a height field has a floor; a point below that was free."""
+    bench = load_bench(scene="landscape_mountains")
+    points = EnclosedPoints(bench.scene, bench.vehicle)
+    for x, y in ((0.0, 0.0), (100.0, 50.0)):
+        assert {points.around((x, y, -depth_m)) for depth_m in (2.0, 20.0, 200.0)} == {"'Landscape_0'"}
+        assert points.around((x, y, 400.0)) == ""
+    assert points.around((5e4, 0.0, -20.0)) == "", "beside the terrain there is none"
 
 
 @pytest.mark.parametrize(("down_m", "is_refused"), [(-9.0, True), (0.05, False)])

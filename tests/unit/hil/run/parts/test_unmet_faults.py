@@ -143,3 +143,34 @@ def test_a_fault_at_an_event_of_a_sensor_that_nothing_reads_is_no_error() -> Non
     assert result.status == "PASS", result.run
     (told,) = result.run["unmet"]
     assert told.endswith(" s had no effect: it was not sampled: nothing reads it")
+
+
+def test_a_link_fault_that_hits_nothing_is_unmet() -> None:
+    """A message that passed was enough, however small the rate."""
+
+    def of(rate: float, more: str = "") -> RunResult:
+        fault = f"{{kind: drop, at_s: 5, for_s: 1, direction: to_autopilot, rate: {rate}{more}}}"
+        return fly(f"faults: {{links: [{fault}]}}\n", "expect: []\n")
+
+    (reason,) = reasons(of(1e-9, ", messages: [HIL_GPS]"))
+    assert reason == "fault of the link: drop of HIL_GPS at 5 s had no effect: it hit none of 10 messages"
+    (reason,) = reasons(of(1e-9, ", unit: byte"))
+    assert reason.endswith(" bytes")
+    assert reasons(of(1.0, ", messages: [HIL_GPS]")) == []
+    assert of(0.0).status == "PASS", "a rate of 0 is noted before the flight"
+
+
+@pytest.mark.parametrize(
+    ("fault", "met"),
+    [
+        ("kind: stuck_bit, field: altitude_m, bit: 29, level: 0", False),
+        ("kind: stuck_bit, field: altitude_m, bit: 0, level: 0", True),
+        ("kind: offset, field: altitude_m, value: 1.0e-30", False),
+        ("kind: drift, field: altitude_m, rate_per_s: 1.0e-3", True),
+    ],
+)
+def test_a_fault_that_changes_no_sample_is_unmet(fault: str, met: bool) -> None:
+    """A sample in its time was enough, though each had the bit as it was."""
+    result = fly(f"faults: {{sensors: [{{sensor: gps, at_s: 5, until_s: 6, {fault}}}]}}\n", "expect: []\n")
+    kind = fault.split(",")[0].removeprefix("kind: ")
+    assert reasons(result) == ([] if met else [f"fault of gps: {kind} at 5 s had no effect: it changed no sample"])

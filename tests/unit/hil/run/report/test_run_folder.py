@@ -90,7 +90,7 @@ def test_results_of_vehicles_of_an_earlier_run_are_removed(tmp_path: Path) -> No
 
 
 def test_what_belongs_to_no_earlier_run_or_is_read_is_not_removed(tmp_path: Path) -> None:
-    names = {"report.html", "run.mcap", "flight.tlog"}
+    names = {"report.html", "run.mcap", "flight.tlog", "companion.jsonl", "people.json"}
 
     def left(folder: Path, *beside: str, kept: Iterable[str] = ()) -> set[str]:
         for place in (folder, folder / "a"):
@@ -107,6 +107,8 @@ def test_what_belongs_to_no_earlier_run_or_is_read_is_not_removed(tmp_path: Path
     assert left(tmp_path / "data_set", "run.json", "dataset.json") == both
     assert left(tmp_path / "run", "run.json") == set()
     assert left(tmp_path / "log", "run.json", kept=[str(tmp_path / "log" / "a" / "run.mcap")]) == {"a/run.mcap"}
+    trace = tmp_path / "trace" / "companion.jsonl"
+    assert left(trace.parent, "run.json", kept=[str(trace)]) == {trace.name}
     assert left(tmp_path / "folder", "run.json", kept=[str(tmp_path / "folder")]) == names
 
 

@@ -148,8 +148,8 @@ def square(side_m: float, height: float = 3.2) -> list[Leg]:
     return [*legs, Leg(LegKind.DESCENT, 5, top, HOME)]
 
 
-@pytest.mark.parametrize("limit_m", [6.0, 10.0, 11.0, 900.0, None])
-@pytest.mark.parametrize(("side_m", "at_m"), [(4.0, 0.0), (6.0, 3.0), (9.0, 4.5)])
+@pytest.mark.parametrize("limit_m", [3.0, 6.0, 10.0, 11.0, 900.0, None])
+@pytest.mark.parametrize(("side_m", "at_m"), [(4.0, 0.0), (4.0, 2.0), (6.0, 3.0), (9.0, 4.5)])
 def test_a_hover_flies_no_small_square_whatever_the_limit(side_m: float, at_m: float, limit_m: float | None) -> None:
     """It was reached 4 of 4, from the first corner or from the middle."""
     limits = Limits(max_cross_track_m=limit_m)
@@ -186,6 +186,46 @@ def test_a_hover_over_one_place_keeps_the_margin_of_its_limit() -> None:
     legs = [Leg(LegKind.CLIMB, 0, HOME, above), Leg(LegKind.FLY, 1, above, above)]
     aside = [HOME, (3.5, 0.0, 0.2), (3.5, 0.0, 10.2)]
     assert flown(legs, aside, limits=Limits(max_cross_track_m=4.0)).reached == 1
+
+
+def staying(stays: Sequence[tuple[Vec3, float]], legs: Sequence[Leg], holds_s: Sequence[float]) -> Measurements:
+    """Fly by jumps to places and stay there for times [s], then touch down below the last one."""
+    measurement, tick, tick_ns = FlightMeasurement(legs, stride=1, holds_s=holds_s), 0, 100_000_000
+    ground = (*stays[-1][0][:2], HOME[2])
+    for p_WB, stay_s in [(HOME, 0.1), *stays, (ground, 1.0)]:  # type: ignore[list-item]
+        for _ in range(round(stay_s * 10)):
+            truth = TruthState(
+                tick=tick, t_ns=tick * tick_ns, p_WB=p_WB, q_WB=UPRIGHT,  # type: ignore[arg-type]
+                v_WB_W=(0.0, 0.0, 0.0), w_WB_B=(0.0, 0.0, 0.0), a_WB_W=(0.0, 0.0, 0.0),
+                alpha_WB_B=(0.0, 0.0, 0.0), rotor_speed_radps=(), in_contact=p_WB[2] <= HOME[2],
+            )  # fmt: skip
+            measurement.add(truth)
+            tick += 1
+    return measurement.result()
+
+
+@pytest.mark.parametrize(
+    ("first_s", "away_s", "back_s", "missed"),
+    [
+        (28.2, 0.0, 0.0, ""),
+        (27.8, 0.0, 0.0, "the vehicle was at waypoint 1 for 28 s; the plan waits there for 30 s"),
+        (15.0, 9.0, 15.0, ""),  # a gust, and back again
+        (1.0, 40.0, 1.0, "the vehicle was at waypoint 1 for 2 s; the plan waits there for 30 s"),
+    ],
+)
+def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: float, missed: str) -> None:
+    """A hover of 30 s passed after a second."""
+    here, there = (0.0, 0.0, 10.2), (20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, here), Leg(LegKind.FLY, 1, here, here), Leg(LegKind.FLY, 2, here, there)]
+    legs.append(Leg(LegKind.DESCENT, 3, there, (20.0, 0.0, HOME[2])))
+    flight = [(here, first_s), ((8.0, 0.0, 10.2), away_s), (here, back_s), (there, 1.0), (here, 60.0), (there, 1.0)]
+    measured = staying(flight, legs, [30.0, 1.5])
+    assert (measured.reached, measured.hold_missed) == (2, missed)
+    assert measured.completed == (not missed)
+    limits = Limits(max_cross_track_m=None, altitude_error_m=None)
+    assert judge(measured, limits).reasons == ((missed,) if missed else ())
+    assert judge(measured, limits, outcome="any").status == "PASS"
+    assert staying(flight, legs, []).completed, "companions are not told of the time"
 
 
 def test_a_missed_waypoint_stops_the_count_and_fails() -> None:
