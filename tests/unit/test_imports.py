@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 # The modules of a package from the top down: each may import those to its right, none beside it.
 FLOORS: dict[str, Sequence[str]] = {
+    "sim": ("sensors", "gnss", "radar", "physics", "world_loader", "randomize", "frame", "scene"),
     "hil": ("cli", "apps", "cluster gym", "run", "config", "own_packages flown_run data_set_files"),
     "hil.run": (
         *(
