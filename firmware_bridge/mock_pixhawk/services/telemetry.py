@@ -70,8 +70,7 @@ _ESTIMATOR_ATTITUDE = 0x1 | 0x20
 _CELL_FULL_MV, _CELL_EMPTY_MV, _CELLS = 4050, 3600, 4
 _UNKNOWN_U16 = 65535
 _BATTERY_OK, _BATTERY_LOW, _BATTERY_CRITICAL = 1, 2, 3
-
-_U16, _I16 = (0, 65535), (-32768, 32767)
+_I16 = (-32768, 32767)
 
 
 def _clamped(value: float, limits: tuple[int, int]) -> int:
