@@ -364,8 +364,6 @@ const ForceBinding binding{[](nb::module_ &m) {
                      "Force of each panel where the forces were computed last.")
         .def_prop_ro("induced_mps", [](const Panels &self) { return of_lanes(self, self.lanes().induced); },
                      "Velocity w through each panel, there.")
-        .def_prop_ro("through_mps", [](const Panels &self) { return of_lanes(self, self.lanes().through); },
-                     "Velocity v through each panel with slipstreams and without w, there.")
         .def_prop_ro("along_mps", [](const Panels &self) { return of_lanes(self, self.lanes().along); },
                      "Velocity u_x of each panel with slipstreams, there.")
         .def_prop_ro(
