@@ -14,7 +14,6 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 # The modules of a package from the top down: each may import those to its right, none beside it.
 FLOORS: dict[str, Sequence[str]] = {
-    "sim": ("sensors", "gnss", "radar", "physics", "world_loader", "randomize", "frame", "scene"),
     "hil": ("cli", "apps", "cluster gym", "run", "config", "own_packages flown_run data_set_files"),
     "hil.run": (
         *(
@@ -44,6 +43,7 @@ FLOORS: dict[str, Sequence[str]] = {
         ),
         *("sensors", "missions", "schema", "group_schema", "layers limit_values", "files params_file"),
     ),
+    "sim": ("sensors", "gnss", "radar", "physics", "world_loader", "randomize", "frame", "scene"),
 }
 SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them
 
