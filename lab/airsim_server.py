@@ -22,12 +22,20 @@ _ADDRESS = re.compile(r"airsim: 127\.0\.0\.1:(\d+)")
 _WAIT_S = 120.0  # on a busy machine a server takes long to start
 
 
+class RpcFailed(HilError):
+    """Error in a reply: the server's text, which names the call."""
+
+
+class Disconnected(HilError, ConnectionError):
+    """The server has closed the connection."""
+
+
 class BenchClient:
     """One connection to a server; calls are answered one after the other."""
 
-    def __init__(self, port: int) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=_WAIT_S)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    def __init__(self, port: int, timeout_s: float = _WAIT_S) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout_s)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unpacker = msgpack.Unpacker(raw=False, strict_map_key=False, max_buffer_size=1 << 28)
         self._number = 0
         self._replies: dict[int, tuple[Any, Any]] = {}
@@ -35,30 +43,30 @@ class BenchClient:
     def send(self, method: str, *arguments: Any) -> int:
         """Send a request and return its number."""
         self._number += 1
-        self._socket.sendall(msgpack.packb([0, self._number, method, list(arguments)]))
+        self.socket.sendall(msgpack.packb([0, self._number, method, list(arguments)]))
         return self._number
 
     def join(self, number: int) -> Any:
-        """Return the result of a request. Raises HilError."""
+        """Return the result of a request. Raises RpcFailed, Disconnected."""
         while number not in self._replies:
-            data = self._socket.recv(1 << 20)
+            data = self.socket.recv(1 << 20)
             if not data:
-                raise HilError("the server of AirSim's API closed the connection")
+                raise Disconnected("the server of AirSim's API closed the connection")
             self._unpacker.feed(data)
             for _, replied, error, result in self._unpacker:
                 self._replies[replied] = (error, result)
         error, result = self._replies.pop(number)
         if error is not None:
-            raise HilError(f"the server of AirSim's API refused a call: {error}")
+            raise RpcFailed(str(error))
         return result
 
     def call(self, method: str, *arguments: Any) -> Any:
-        """Call a method and return its result. Raises HilError."""
+        """Call a method and return its result. Raises RpcFailed, Disconnected."""
         return self.join(self.send(method, *arguments))
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
+        self.socket.close()
 
 
 class BenchServer:

@@ -69,7 +69,6 @@ class FixedWing:
     cruise_mps: float
     fastest_mps: float  # of level flight
     glide_mps: float  # airspeed of the best glide
-    glide_sink_mps: float  # sink rate of that glide
     idle_sink_mps: float  # sink rate at the cruise airspeed, engines at 0
     climb_mps: float  # at full throttle and cruise airspeed
     pitch_rad: float  # of steady cruise

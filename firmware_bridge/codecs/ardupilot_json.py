@@ -120,10 +120,8 @@ class VehicleState(NamedTuple):
     v_NF_N: Vec3
     q_NF: Quat  # w-x-y-z, rotates F into N
     ranges_m: tuple[float, ...] = ()  # rng_1 ... rng_6
-    wind_N_mps: Vec3 | None = None  # "velocity_wind": firmware from 2026 on; older ones ignore it
     airspeed_mps: float | None = None
     windvane: tuple[float, float] | None = None  # apparent wind: origin [rad from the nose], speed [m/s]
-    battery: tuple[float, float] | None = None  # V, A: firmware from 2026 on
 
 
 _STATE = (
@@ -147,26 +145,22 @@ def encode_state(state: VehicleState) -> bytes:
     ).encode("ascii")
 
 
-_DEFAULTS = ((), None, None, None, None)
+_DEFAULTS = ((), None, None)
 
 
 def _optional(state: VehicleState) -> str:
     """Return the optional fields, each after a comma."""
-    ranges, wind, airspeed, vane, battery = state[6:]
+    ranges, airspeed, vane = state[6:]
     if len(ranges) > RANGE_FINDERS:
         raise CodecError(f"ArduPilot state: {len(ranges)} range finders, but SITL takes {RANGE_FINDERS} at most")
-    numbers = (*ranges, *(wind or ()), *(vane or ()), *(battery or ()), airspeed or 0.0)
+    numbers = (*ranges, *(vane or ()), airspeed or 0.0)
     if not all(-_LARGEST < number < _LARGEST for number in numbers):
         _refuse(state)
     text = "".join(f',"rng_{i}":{range_m:.9g}' for i, range_m in enumerate(ranges, start=1))
-    if wind is not None:
-        text += f',"velocity_wind":[{wind[0]:.9g},{wind[1]:.9g},{wind[2]:.9g}]'
     if vane is not None:
         text += f',"windvane":{{"direction":{vane[0]:.9g},"speed":{vane[1]:.9g}}}'
     if airspeed is not None:
         text += f',"airspeed":{airspeed:.9g}'
-    if battery is not None:
-        text += f',"battery":{{"voltage":{battery[0]:.9g},"current":{battery[1]:.9g}}}'
     return text
 
 

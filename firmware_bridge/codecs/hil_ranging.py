@@ -27,8 +27,8 @@ _pack_flow = struct.Struct("<QI5fIfhBB").pack
 _pack_distance = struct.Struct("<IHHHBBBB2f4fB").pack
 
 
-def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 0, sensor_type: int = _LASER) -> bytes:
-    """Return the payload of DISTANCE_SENSOR. `sensor_type` is a MAV_DISTANCE_SENSOR.
+def distance_sensor_payload(t_ns: int, sample: RangeSample) -> bytes:
+    """Return the payload of DISTANCE_SENSOR, id 0, of a laser.
 
     A direction without a MAV_SENSOR_ROTATION is told by the quaternion, from forward to it.
     Without a valid distance `signal_quality` is 1 (invalid). The variance saturates at 254 cm^2 (a deviation of
@@ -46,8 +46,8 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
         integer(f"{name}.min_distance", sample.min_distance_m * 1e2, 0, 65535),
         integer(f"{name}.max_distance", sample.max_distance_m * 1e2, 0, 65535),
         integer(f"{name}.current_distance", sample.distance_m * 1e2, 0, 65535),
-        sensor_type,
-        sensor_id,
+        _LASER,
+        0,
         CUSTOM if rotation is None else rotation,
         variance,
         0.0,
@@ -57,8 +57,8 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
     )
 
 
-def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 0) -> bytes:
-    """Return the payload of HIL_OPTICAL_FLOW. Flow and gyro from B to F; the distance is -1 where it is not known."""
+def hil_optical_flow_payload(t_ns: int, sample: FlowSample) -> bytes:
+    """Return the payload of HIL_OPTICAL_FLOW, id 0. Flow and gyro from B to F; a distance of -1 is not known."""
     (x, y), (gx, gy, gz) = sample.flow_rad, sample.gyro_rad
     distance = sample.distance_m if sample.distance_m >= 0.0 else _UNKNOWN_DISTANCE
     total = x + y + gx + gy + gz + sample.distance_m + sample.temperature_degc
@@ -76,7 +76,7 @@ def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 
             0,  # the distance belongs to the same instant
             distance,
             integer("HIL_OPTICAL_FLOW.temperature", sample.temperature_degc * 1e2, -32768, 32767),
-            sensor_id,
+            0,
             integer("HIL_OPTICAL_FLOW.quality", sample.quality, 0, 255),
         )
     except (OverflowError, struct.error) as error:

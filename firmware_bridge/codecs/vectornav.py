@@ -287,7 +287,7 @@ class VectorNavDevice:
     outside of commands are ignored.
     """
 
-    def __init__(self, model: str = "VN-200T", *, baud: int = 921_600) -> None:
+    def __init__(self, model: str = "VN-200T") -> None:
         self.model = model
         self.outputs: dict[int, BinaryOutput] = {}
         self.streaming = True
@@ -296,7 +296,7 @@ class VectorNavDevice:
         self.refused = ""  # description of the last refused command
         self._pending = b""
         self._registers = {
-            0: "", _MODEL: model, 2: "7", 3: "100000001", 4: "2.1.0.0", 5: str(baud), 6: "14", 7: "40",
+            0: "", _MODEL: model, 2: "7", 3: "100000001", 4: "2.1.0.0", 5: "921600", 6: "14", 7: "40",
         }  # fmt: skip
 
     @property

@@ -199,10 +199,10 @@ class StatusTexts:
             self.texts.append((t_ns, max(message.severity, _INFO) if expected else message.severity, message.text))
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
 
-    def failed_checks(self, count: int = 3) -> str:
+    def failed_checks(self) -> str:
         """Return the latest different texts of ArduPilot's arming checks with their remedies; "" if there are none."""
         checks = [text.strip() for _, _, text in self.texts if text.startswith(_ARDUPILOT_CHECKS)]
-        latest = list(dict.fromkeys(reversed(checks)))[:count]
+        latest = list(dict.fromkeys(reversed(checks)))[:3]
         return " | ".join(text + _remedy(text) for text in latest)
 
     def said(self, part: str) -> bool:

@@ -6,7 +6,7 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from firmware_bridge.links.child_process import ChildProcess
@@ -73,6 +73,16 @@ class LinkStats:
         self.lost_frames = sum(parser.lost for parser in parsers)
 
 
+class TickSamples(NamedTuple):
+    """Samples that an autopilot gets in one tick: of the first four kinds the newest, or None."""
+
+    imu: ImuSample | None = None
+    mag: MagSample | None = None
+    baro: BaroSample | None = None
+    gps: GpsSample | None = None
+    others: Sequence[Sample] = ()  # of all other kinds each, in order
+
+
 class Connection(Protocol):
     """Anything that a link opens and closes."""
 
@@ -136,17 +146,7 @@ class AutopilotLink:
         """Return the parsers of the connections that carry MAVLink."""
         raise NotImplementedError
 
-    def send(
-        self,
-        tick: int,
-        t_ns: int,
-        imu: ImuSample | None,
-        mag: MagSample | None,
-        baro: BaroSample | None,
-        gps: GpsSample | None,
-        extra: bytes,
-        ranging: Sequence[Sample] = (),
-    ) -> bytes:
+    def send(self, tick: int, t_ns: int, samples: TickSamples, extra: bytes) -> bytes:
         """Write [extra][range, flow, vision][HIL_GPS if given][HIL_SENSOR] at once and return exactly these bytes."""
         raise NotImplementedError
 

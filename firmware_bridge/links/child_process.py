@@ -108,15 +108,15 @@ class ChildProcess:
     def running(self) -> bool:
         return self._process is not None and self._process.poll() is None
 
-    def stderr_tail(self, lines: int = 5) -> str:
-        """Return the last lines that the program wrote to standard error, "" if none."""
+    def stderr_tail(self) -> str:
+        """Return the last five lines that the program wrote to standard error, "" if none."""
         if self._stderr is None or self._stderr.closed:
             return ""
         fd = self._stderr.fileno()
         size = os.fstat(fd).st_size
         # pread: the child writes through the same file description, whose position must not be moved.
         text = os.pread(fd, _STDERR_TAIL_BYTES, max(0, size - _STDERR_TAIL_BYTES)).decode(errors="replace")
-        return "\n".join(text.rstrip().splitlines()[-lines:])
+        return "\n".join(text.rstrip().splitlines()[-5:])
 
     def describe_end(self) -> str:
         """Describe how the program ended and quote its last output, for an error message.

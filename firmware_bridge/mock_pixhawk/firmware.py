@@ -18,6 +18,7 @@ from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.mock_pixhawk.estimate.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate, declination_deg
 from firmware_bridge.mock_pixhawk.flight.commander import Commander, Output
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.guidance import PERIOD_US
 from firmware_bridge.mock_pixhawk.flight.mission_item import REPERTOIRES
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
@@ -144,7 +145,7 @@ class Firmware:
         self.rotors = int(params["CA_ROTOR_COUNT"])
         self.outputs = stack.outputs  # the 16 commands of an instant
         self.preflight = Preflight(vehicle, self.estimate, self.sensors, params)
-        failsafe = stack.failsafe(self.sensors, outbox.say, hitl=hitl)
+        failsafe = stack.failsafe(outbox.say, hitl=hitl)
         self.navigator: MissionRunner = stack.modes.navigator
         self.commander = Commander(
             vehicle,
@@ -156,9 +157,7 @@ class Firmware:
             Output(outbox.say, host.fall_silent, offboard_silence),
             hitl=hitl,
         )
-        self.telemetry = stack.telemetry(
-            self.sensors, self._mission_state, system_type=int(params["MAV_TYPE"]), hil=hitl
-        )
+        self.telemetry = stack.telemetry(self._mission_state, system_type=int(params["MAV_TYPE"]), hil=hitl)
         self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission, repertoire=REPERTOIRES[kind])
         self.missions.items = mission
         self.navigator.load(mission)
@@ -182,16 +181,16 @@ class Firmware:
         stack.modes.guidance.off()
 
     def _make_stack(self, kind: int) -> FlightStack:
+        parts = FirmwareParts(self.core, self.vehicle, self.estimate, self.sensors, self.params, self)
         if kind == _MULTIROTOR:
-            return MultirotorStack(self.core, self.vehicle, self.estimate, self.params, self)
-        parts = (self.core, self.vehicle, self.estimate, self.sensors, self.params, self)
+            return MultirotorStack(parts)
         if kind == _FIXED_WING:
             from firmware_bridge.mock_pixhawk.plane.plane_stack import PlaneStack  # a multirotor needs none of it
 
-            return PlaneStack(*parts)
+            return PlaneStack(parts)
         from firmware_bridge.mock_pixhawk.vtol.vtol_stack import VtolStack
 
-        return VtolStack(*parts)
+        return VtolStack(parts)
 
     def _set_up_timers(self, param_service: ParamService) -> None:
         """Guidance first: telemetry of the same instant then tells what it decided."""

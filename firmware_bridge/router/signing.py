@@ -65,9 +65,8 @@ def read_key(path: Path) -> KeyFile:
 class ClientSigning:
     """Verifies the frames of clients, and signs those that go to them."""
 
-    def __init__(self, key: SigningKey, clock: SigningClock | None = None) -> None:
-        clock = clock if clock is not None else SigningClock()
-        self.key = key
+    def __init__(self, key: SigningKey) -> None:
+        self.key, clock = key, SigningClock()
         self._verifier = Verifier(key, clock)
         self._signer = Signer(key, LINK_TO_CLIENTS, clock)
 
@@ -86,9 +85,8 @@ class ClientSigning:
 class AutopilotSigning:
     """Signs the frames that go to an autopilot that requires signatures."""
 
-    def __init__(self, key: SigningKey, clock: SigningClock | None = None) -> None:
-        clock = clock if clock is not None else SigningClock()
-        self.key = key
+    def __init__(self, key: SigningKey) -> None:
+        self.key, clock = key, SigningClock()
         self._verifier = Verifier(key, clock)
         self._signer = Signer(key, LINK_TO_AUTOPILOT, clock)
 

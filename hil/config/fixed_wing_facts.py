@@ -70,7 +70,6 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         cruise_mps=cruise,
         fastest_mps=fastest,
         glide_mps=glide.airspeed_mps,
-        glide_sink_mps=-glide.airspeed_mps * math.sin(glide.climb_rad),
         idle_sink_mps=_idle_sink_mps(airframe, trim),
         climb_mps=cruise * min(max((most - needed) / (vehicle.mass_kg * airframe.gravity_mps2), 0.0), 0.9),
         pitch_rad=trim.pitch_rad,

@@ -8,10 +8,29 @@ from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
 from hil.run.autopilot import geodetic_from_W, grid_ns
-from hil.run.part import RunContext
+from hil.run.part import Part, RunContext
+from hil.run.recorder.recorder import record_texts
 
 _ON_THE_GROUND = (Phase.CONNECTING, Phase.PREFLIGHT, Phase.ARMING)
 _IN_THE_AIR = (Phase.FLYING, Phase.LANDING)
+
+
+class PilotedPart(Part):
+    """Part with such a pilot, from its `build` on if it flies at all. The flight ends with the pilot's."""
+
+    _pilot: OffboardPilot | None = None
+
+    def ended(self) -> bool:
+        return self._pilot is not None and self._pilot.phase is Phase.DONE
+
+    def finish(self, run: RunContext) -> None:
+        record_texts(run.recorder, self.texts())
+
+    def phase(self) -> str:
+        return "" if self._pilot is None else self._pilot.phase.value
+
+    def texts(self) -> list[tuple[int, int, str]]:
+        return [] if self._pilot is None else self._pilot.statustexts
 
 
 def offboard_pilot(

@@ -17,7 +17,7 @@ the error is about j tau h tau / 4 + j tau^3 / 6. In an oscillation of 4.3 rad/s
 
 from __future__ import annotations
 
-from signals._kernel import det_cos, det_sin
+from signals._kernel import det_cos, det_sin, rotate_into_world
 from signals.rotation import NO_TURN, applied, cross, matrix_of, norm, product
 from signals.samples import Quat, TruthState, Vec3
 from signals.units import RAD_PER_DEG
@@ -55,6 +55,11 @@ class Mount:
     def attitude(self, truth: TruthState) -> Quat:
         """Return q_WC at the tick."""
         return product(truth.q_WB, self.q_BC)
+
+    def place(self, truth: TruthState) -> tuple[Vec3, Quat]:
+        """Return p_WC and q_WC at the tick."""
+        x, y, z = rotate_into_world(truth.q_WB, self.p_BC)
+        return (truth.p_WB[0] + x, truth.p_WB[1] + y, truth.p_WB[2] + z), self.attitude(truth)
 
     def pose(self, truth: TruthState, tau_s: float = 0.0) -> CameraPose:
         """Return pose and velocity `tau_s` after the tick."""

@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.rotation import matrix_of
 from sim.frame.meshes import height_field_triangles
 from sim.scene import semantics
 from sim.scene.scene_map import Actor
@@ -96,7 +97,7 @@ class ObjectShapes:
         n = len(parts.actor.bodies)
         p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
         parts.actor.pose(t_ns, p, q, v, w)
-        R = _matrices(q)
+        R = np.moveaxis(np.reshape(matrix_of(q.T), (3, 3, -1)), -1, 0)  # (n, 3, 3)
         geoms, body = parts.geoms, parts.body
         p_WG = p[body] + np.einsum("nij,nj->ni", R[body], self._model.geom_pos[geoms])
         return PosedObject(instance, geoms, p_WG, R[body] @ self._R_BG[geoms], R[0], p[0], v[0], w[0])
@@ -191,14 +192,3 @@ def _symmetric_support(kind: NDArray[np.int32], size: Float64, u: Float64) -> Fl
             with np.errstate(invalid="ignore"):
                 support[of] = np.nan_to_num(half * v[..., :2], nan=0.0, posinf=np.inf).sum(axis=-1)
     return support
-
-
-def _matrices(q: Float64) -> Float64:
-    """Return the rotation matrices (n, 3, 3) of quaternions (n, 4) w-x-y-z."""
-    w, x, y, z = q.T
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from signals.documents.validate import StrictModel
 from sim.gnss.gps_time import DEFAULT_UTC, gps_seconds
 from sim.gnss.orbit import Orbit
 from sim.gnss.systems import SystemName
-from sim.scene.light import Light, time_of
+from sim.scene.light import Light, Utc, time_of
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e5)]
 Level = Annotated[float, Field(ge=0.0, le=60.0)]  # dB-Hz
@@ -57,7 +57,7 @@ class ReceiverParameters(StrictModel):
 class SkyParameters(StrictModel):
     """Option `sky` of a `gps`: satellites on their orbits, seen past the scene."""
 
-    utc: str | None = None  # time at the start of the run; null: that of the scene's light, else 2026-01-01T12:00:00Z
+    utc: Utc | None = None  # time at the start of the run; null: that of the scene's light, else 2026-01-01T12:00:00Z
     almanac: str | None = None  # YUMA or SEM file of GPS, relative to the file that names it
     orbits: tuple[Orbit, ...] = ()  # of GPS; what was read from the almanac
     systems: Systems | None = None  # null: those of the receiver
@@ -71,13 +71,6 @@ class SkyParameters(StrictModel):
     smoothing_s: Annotated[float, Field(ge=0.0, le=1000.0)] = 2.0  # time constant of the receiver's filter of position
     residual_limit_m: Annotated[float, Field(gt=0.0, le=1e4)] = 15.0  # a satellite beyond is left out of the fix
     skip_clear_sky: bool = True  # cast no ray while nothing of the scene is above the mask
-
-    @field_validator("utc")
-    @classmethod
-    def _is_a_time(cls, utc: str | None) -> str | None:
-        if utc is not None:
-            time_of(utc)
-        return utc
 
 
 def start_gps_s(sky: SkyParameters, light: Light) -> float:

@@ -32,7 +32,6 @@ _BITS = {0: 12, 1: 14, 2: 16}
 _SAMPLING = {0: "real", 1: "complex", 2: "complex"}
 _PSEUDO_REAL = 3
 _SAMPLES_ALONE = 1
-_MAX_MASK = 0xFFF
 
 
 @dataclass(frozen=True)

@@ -95,11 +95,11 @@ class Interfered:
         way = other.chirp.wavelength_m / (_FOUR_PI * path.range_m)
         return self._receiver.counts_per_sqrt_watt * sqrt(watts) * way
 
-    def add(self, other: Transmission, path: Path, t_s: float, signal: Float64) -> int:
-        """Add to a frame whose middle is at `t_s`; return the number of disturbed samples of a receiver."""
+    def add(self, other: Transmission, path: Path, t_s: float, signal: Float64) -> None:
+        """Add to a frame whose middle is at `t_s`."""
         amplitude = self.amplitude(other, path)
         if amplitude < LEAST_COUNTS:
-            return 0
+            return
         v, w = self._chirp, other.chirp
         # Seconds of the world in a second of each clock.
         rate, rate_other = 1.0 / (1.0 + 1e-6 * self._clock.clock_ppm), 1.0 / (1.0 + 1e-6 * other.clock.clock_ppm)
@@ -122,7 +122,7 @@ class Interfered:
             band = np.abs(beat_hz) <= 0.5 * v.sample_rate_hz
         at = np.flatnonzero(sends & band)
         if not len(at):
-            return 0
+            return
         x, y, f = own_s.reshape(-1)[at], in_chirp_s.reshape(-1)[at], beat_hz.reshape(-1)[at]
         cycles = v.center_frequency_hz * x - w.center_frequency_hz * y
         cycles += 0.5 * v.slope_hz_per_s * x * x - 0.5 * w.slope_hz_per_s * y * y
@@ -137,7 +137,6 @@ class Interfered:
             signal[k * v.parts].reshape(-1)[at] += re * c - im * s
             if v.parts == 2:
                 signal[2 * k + 1].reshape(-1)[at] += re * s + im * c
-        return len(at)
 
     def _filtered(self, beat_hz: Float64, amplitude: float) -> tuple[Float64, Float64]:
         """Return the amplitude times H of the receiver's filters (synthesis.py)."""

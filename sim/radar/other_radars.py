@@ -42,7 +42,6 @@ class OtherRadars:
         self._geometry = geometry
         self._all: dict[tuple[int, str], _Announced] = geometry.prepared.setdefault(OtherRadars, {})
         self._interfered = Interfered(own.chirp, own.antenna, own.receiver, own.clock)
-        self.disturbed = 0  # samples of a receiver so far
         if geometry.left_out >= 0:
             self._all[geometry.left_out, name] = _Announced(geometry.left_out, optical, own)
 
@@ -53,7 +52,7 @@ class OtherRadars:
                 continue
             path = self._path(pose, other, t_ns)
             if path is not None:
-                self.disturbed += self._interfered.add(other.transmission, path, t_ns / NS_PER_S, signal)
+                self._interfered.add(other.transmission, path, t_ns / NS_PER_S, signal)
 
     def _path(self, pose: CameraPose, other: _Announced, t_ns: int) -> Path | None:
         """Return the way to another radar; None if something is on it."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field
 
 from signals._kernel import det_cos, det_exp, det_sin
 from signals.documents.validate import StrictModel
@@ -44,10 +44,18 @@ def time_of(utc: str) -> datetime:
     return time
 
 
+def _checked(utc: str) -> str:
+    time_of(utc)
+    return utc
+
+
+Utc = Annotated[str, AfterValidator(_checked)]  # ISO 8601 with a time zone
+
+
 class Light(StrictModel):
     """Light of a scene; the defaults are a clear mid-morning."""
 
-    utc: str | None = None  # sets the sun's direction, with the site (sim/scene/scene.py); ISO 8601 with a time zone
+    utc: Utc | None = None  # sets the sun's direction, with the site (sim/scene/scene.py)
     sun_azimuth_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 130.0
     sun_elevation_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 45.0  # below 0: no sunlight
     sun_rgb: Rgb = (1.0, 0.96, 0.88)
@@ -56,13 +64,6 @@ class Light(StrictModel):
     sky_horizon_rgb: Rgb = (0.62, 0.74, 0.88)
     fog_per_m: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     clouds: Annotated[float, Field(ge=0.0, le=1.0)] = 0.4  # share of the sky that they cover; cast no shadows
-
-    @field_validator("utc")
-    @classmethod
-    def _is_a_time(cls, utc: str | None) -> str | None:
-        if utc is not None:
-            time_of(utc)
-        return utc
 
     @property
     def to_sun_W(self) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import rotate_into_world
 from signals.rotation import matrix_of
-from signals.samples import PointCloudSample, Quat, TruthState, Vec3
+from signals.samples import PointCloudSample, TruthState
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_drops import FalseReturns
@@ -138,16 +138,8 @@ class Lidar(InstalledSensor):
         )
         if dimmed is not None:
             cloud = with_true_intensity(cloud, dimmed[rays.place[self._receiver.reported]])
-        q_WL: Quat = self.mount.attitude(truth)
-        arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
-        return PointCloudSample(
-            seq,
-            t_ns,
-            t_ns + self.latency_ns,
-            (truth.p_WB[0] + arm[0], truth.p_WB[1] + arm[1], truth.p_WB[2] + arm[2]),
-            q_WL,
-            *cloud,
-        )
+        p_WL, q_WL = self.mount.place(truth)
+        return PointCloudSample(seq, t_ns, t_ns + self.latency_ns, p_WL, q_WL, *cloud)
 
     def instances(self) -> NDArray[np.uint16]:
         """Return the instance of each point of the last sample: an index of the world's `instance_names`."""

@@ -22,7 +22,7 @@ from pydantic import Field
 from signals._kernel import rotate_into_world
 from signals.noise import noise_key
 from signals.rotation import matrix_of
-from signals.samples import PointCloudSample, Quat, TruthState, Vec3
+from signals.samples import PointCloudSample, TruthState
 from sim._kernels import Vicinity, sweep_rays
 from sim.frame.mount import Mount
 from sim.radar.spinning import CODES, Beam, SpinningBeam
@@ -121,8 +121,6 @@ class SpinningRadar(InstalledSensor):
         azimuth, bin_number = self._peaks()
         self._point_azimuth, self._motion = azimuth, motion
         self._point_geom = self._strongest(some, power_w, azimuth * p.bins + bin_number)
-        q_WL: Quat = self.mount.attitude(truth)
-        arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
         cloud = (
             (self._beam.azimuth_L[azimuth] * (bin_number * p.bin_m)[:, None]).astype(np.float32),
             (bin_number * p.bin_m).astype(np.float32),
@@ -133,14 +131,8 @@ class SpinningRadar(InstalledSensor):
         )
         for array in cloud:
             array.flags.writeable = False
-        return PointCloudSample(
-            seq,
-            t_ns,
-            t_ns + self.latency_ns,
-            (truth.p_WB[0] + arm[0], truth.p_WB[1] + arm[1], truth.p_WB[2] + arm[2]),
-            q_WL,
-            *cloud,
-        )
+        p_WL, q_WL = self.mount.place(truth)
+        return PointCloudSample(seq, t_ns, t_ns + self.latency_ns, p_WL, q_WL, *cloud)
 
     def instances(self) -> NDArray[np.uint16]:
         """Return the instance of each point of the last sample: an index of the world's `instance_names`."""

@@ -25,7 +25,7 @@ from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, TickSamples
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
@@ -243,7 +243,7 @@ def test_the_lockstep_link_raises_named_errors_only() -> None:
         link.open()
         try:
             for tick in range(40):
-                link.send(tick, tick * 4_000_000, imu, None, None, None, b"")
+                link.send(tick, tick * 4_000_000, TickSamples(imu), b"")
                 assert link.wait(tick, tick * 4_000_000) is not None
                 link.take_frames()
         except (LockstepLost, InvalidControls) as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.autopilot_link import LinkTimeouts, TickSamples
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.px4.lockstep import LinkCaps, LockstepLink
 from firmware_bridge.transports.pty import PtyTransport
@@ -44,7 +44,7 @@ def make_link():
 
 def fly(link, ticks, *, first=0, extra=b""):
     for tick in range(first, first + ticks):
-        link.send(tick, tick * TICK_NS, IMU, None, None, None, extra)
+        link.send(tick, tick * TICK_NS, TickSamples(IMU), extra)
         link.wait(tick, tick * TICK_NS)
 
 

@@ -10,6 +10,7 @@ import threading
 import pytest
 
 from firmware_bridge.links.ardupilot.json_link import StateLine
+from firmware_bridge.links.autopilot_link import TickSamples
 from signals.errors import LockstepLost
 from signals.samples import DifferentialPressureSample, RangeSample, VaneSample
 from tests.worlds.ardupilot_json_sitl import (
@@ -70,7 +71,7 @@ def test_range_finder_is_sent_from_its_first_sample_on(make, sitl):
     sample = RangeSample(0, 0, 0, 1.25, 0.1, 12.0, 0.01, 100, (0.0, 0.0, -1.0))
     for tick, ranging in enumerate([(), (sample,), ()]):
         link.observe(truth(tick))
-        link.send(tick, tick * TICK_NS, IMU, None, None, None, b"", ranging)
+        link.send(tick, tick * TICK_NS, TickSamples(IMU, others=ranging), b"")
         sitl.step()
         link.wait(tick, tick * TICK_NS)
     assert ["rng_1" in text for text in sitl.taken] == [False, True, True]
@@ -80,7 +81,7 @@ def test_range_finder_is_sent_from_its_first_sample_on(make, sitl):
 def test_the_wind_is_told_only_where_asked_for(make, sitl):
     link = make(state_line=StateLine(wind_vane=True))
     link.observe(truth(0, v_WB_W=(5.0, 0.0, 0.0)), (1.0, 2.0, 0.0))
-    link.send(0, 0, IMU, None, None, None, b"")
+    link.send(0, 0, TickSamples(IMU), b"")
     text = sitl.take()
     assert "windvane" in text
     assert "airspeed" not in text
@@ -93,7 +94,7 @@ def test_a_pitot_tube_is_the_airspeed_that_its_pressure_shows_and_a_vane_turns_t
     pitot, vane = DifferentialPressureSample(0, 0, 0, 137.8125, 20.0), VaneSample(0, 0, 0, 0.05, -0.125)
     for tick, others in enumerate([(), (pitot, vane), (), (pitot._replace(differential_pressure_pa=-3.0),)]):
         link.observe(truth(tick, p_WB=(10.0, 20.0, 0.25), v_WB_W=(3.0, 4.0, 0.0)))
-        link.send(tick, tick * TICK_NS, IMU, None, None, None, b"", others)
+        link.send(tick, tick * TICK_NS, TickSamples(IMU, others=others), b"")
         sitl.step()
         link.wait(tick, tick * TICK_NS)
     assert ["airspeed" in text for text in sitl.taken] == [False, True, True, True]
@@ -122,10 +123,10 @@ def test_arduplanes_place_holders_at_boot_move_no_motor(make, sitl):
 def test_truth_of_another_tick_is_refused(make):
     link = make()
     with pytest.raises(LockstepLost, match="observe"):
-        link.send(0, 0, IMU, None, None, None, b"")
+        link.send(0, 0, TickSamples(IMU), b"")
     link.observe(truth(3))
     with pytest.raises(LockstepLost, match="observe"):
-        link.send(4, 4 * TICK_NS, IMU, None, None, None, b"")
+        link.send(4, 4 * TICK_NS, TickSamples(IMU), b"")
 
 
 def test_repeats_while_the_bench_was_away_get_one_answer(make, sitl):

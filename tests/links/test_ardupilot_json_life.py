@@ -13,7 +13,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
-from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.autopilot_link import LinkTimeouts, TickSamples
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox
 from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortBusy
@@ -71,7 +71,7 @@ def test_with_on_restart_reset_a_reboot_resets_the_run(make, sitl):
         old.close()
     # Home is where the vehicle stands now, and time begins again.
     link.observe(truth(0, p_WB=(7.0, 7.0, 7.0)))
-    link.send(0, 0, IMU, None, None, None, b"")
+    link.send(0, 0, TickSamples(IMU), b"")
     text = sitl.take()
     assert value(text, "position") == [0.0, 0.0, 0.0]
     assert value(text, "timestamp") == [0.0]

@@ -24,7 +24,7 @@ from firmware_bridge.links.ardupilot.eahrs_sitl import (
 )
 from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.ardupilot.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
-from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.autopilot_link import LinkTimeouts, TickSamples
 from firmware_bridge.links.child_process import FirmwareBuild
 from signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
 from tests.worlds.external_ahrs_board import (
@@ -346,7 +346,7 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
             controls = link.begin(tick) or controls
             link.observe(truth(tick))
             gps = GPS if tick == 0 else None
-            link.send(tick, tick * TICK_NS, IMU, MAG, BARO, gps, b"")
+            link.send(tick, tick * TICK_NS, TickSamples(IMU, MAG, BARO, gps), b"")
             board.hear_sensor(_read(far["sensor"]))
             board.hear_mavlink(_read(far["mavlink"]))
             if tick == 30:

@@ -18,7 +18,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, NAME
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts, TickSamples
 from firmware_bridge.links.px4 import hitl_setup
 from firmware_bridge.links.px4.free_running import FreeRunningLink
 from firmware_bridge.links.px4.hitl_setup import HitlSetup
@@ -106,19 +106,10 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Bo
 
 def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> None:
     driven = drive(board())
-    t_ns = 0
     driven.link.begin(0)
     extra = driven.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
-    sent = driven.link.send(
-        0,
-        t_ns,
-        IMU,
-        None,
-        None,
-        GPS,
-        extra,
-        [RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100, (0.0, 0.0, -1.0))],
-    )
+    height = RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100, (0.0, 0.0, -1.0))
+    sent = driven.link.send(0, 0, TickSamples(IMU, gps=GPS, others=[height]), extra)
     names = [NAME[frame.msgid] for frame in FrameParser().feed(sent)]
     assert names == ["HEARTBEAT", "DISTANCE_SENSOR", "TIMESYNC", "HIL_GPS", "HIL_SENSOR"]
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, TickSamples
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.px4 import lockstep
 from firmware_bridge.links.px4.lockstep import LockstepLink
@@ -66,7 +66,7 @@ def fly(link, ticks, first=0, extra=b""):
     log = []
     for tick in range(first, first + ticks):
         t_ns = tick * TICK_NS
-        sent = link.send(tick, t_ns, IMU, MAG, BARO, GPS if tick % 25 == 0 else None, extra)
+        sent = link.send(tick, t_ns, TickSamples(IMU, MAG, BARO, GPS if tick % 25 == 0 else None), extra)
         answer = link.wait(tick, t_ns)
         log.append((sent, answer, link.take_frames()))
     return log
@@ -93,7 +93,7 @@ def test_bytes_received_at_boot_are_kept_for_the_first_tick(scripted):
 
 def test_one_write_holds_extra_then_gps_then_sensor(scripted):
     link = scripted()
-    sent = link.send(0, 0, IMU, MAG, BARO, GPS, b"extra")
+    sent = link.send(0, 0, TickSamples(IMU, MAG, BARO, GPS), b"extra")
     assert sent.startswith(b"extra\xfd")
     assert [f.msgid for f in FrameParser().feed(sent)] == [MSGID["HIL_GPS"], MSGID["HIL_SENSOR"]]
 
@@ -106,8 +106,8 @@ def test_the_temperature_of_a_pitot_is_kept_for_an_autopilot_that_takes_it_for_t
     link.open()
     pitots = [[], [DifferentialPressureSample(0, 0, 0, 200.0, 11.5)], [], [], []]
     degc = []
-    for tick, ranging in enumerate(pitots):
-        sent = link.send(tick, tick * TICK_NS, IMU, MAG, BARO, None, b"", ranging)
+    for tick, others in enumerate(pitots):
+        sent = link.send(tick, tick * TICK_NS, TickSamples(IMU, MAG, BARO, None, others), b"")
         link.wait(tick, tick * TICK_NS)
         (sensor,) = FrameParser().feed(sent)
         degc.append(common.MAVLink(None).decode(bytearray(sensor.raw)).temperature)
@@ -157,7 +157,7 @@ def test_errors_that_end_a_run_name_the_cause(scripted, fault, error, says):
     link = scripted(fault)
     fly(link, BOOT + 4)
     tick = BOOT + 4
-    link.send(tick, tick * TICK_NS, IMU, MAG, BARO, None, b"")
+    link.send(tick, tick * TICK_NS, TickSamples(IMU, MAG, BARO), b"")
     if fault != "silent":
         let_arrive(link)
     expect_silence(link)
@@ -248,7 +248,7 @@ def test_a_wrong_boot_length_in_the_rig_is_named():
 def test_a_sample_of_nan_is_never_sent(scripted):
     link = scripted()
     with pytest.raises(CodecError, match="accel"):
-        link.send(0, 0, IMU._replace(accel_mps2=(float("nan"), 0.0, 0.0)), MAG, BARO, None, b"")
+        link.send(0, 0, TickSamples(IMU._replace(accel_mps2=(float("nan"), 0.0, 0.0)), MAG, BARO), b"")
     assert link.stats.steps == 0
 
 
@@ -289,7 +289,7 @@ def test_fifty_thousand_invalid_packets_between_answers():
     link.open()
     ticks = 5_000
     for tick in range(ticks):
-        link.send(tick, tick * TICK_NS, IMU, None, None, None, b"")
+        link.send(tick, tick * TICK_NS, TickSamples(IMU), b"")
         answer = link.wait(tick, tick * TICK_NS)
         assert (answer is None) == (tick < BOOT)
         link.take_frames()

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from firmware_bridge.links import child_process
-from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.autopilot_link import LinkTimeouts, TickSamples
 from firmware_bridge.links.px4 import ground_channel, lockstep
 from firmware_bridge.links.px4.sitl import px4_hand_start, px4_sitl_link, px4_sitl_process
 from hil.config import load_bench
@@ -461,7 +461,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
     def fly() -> None:
         link.open()
         for tick in range(100):
-            link.send(tick, tick * TICK_NS, None, None, None, None, b"")
+            link.send(tick, tick * TICK_NS, TickSamples(), b"")
             link.wait(tick, tick * TICK_NS)
 
     with pytest.raises(LinkClosed, match=r"(?s)another program answers.*exit status 3.*port is taken") as caught:

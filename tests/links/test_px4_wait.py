@@ -12,7 +12,7 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
-from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.autopilot_link import LinkCaps, TickSamples
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.fd_stream import FdStream
 from firmware_bridge.transports.loopback import LoopbackTransport
@@ -79,7 +79,7 @@ def opened(log: list[str], *, alone: bool, **script: Any) -> LockstepLink:
 
 def tick(link: LockstepLink, number: int) -> list[int]:
     """Fly one tick; return the ids of its messages."""
-    link.send(number, number * TICK_NS, IMU, MAG, BARO, None, b"")
+    link.send(number, number * TICK_NS, TickSamples(IMU, MAG, BARO), b"")
     link.wait(number, number * TICK_NS)
     return [frame.msgid for frame in link.take_frames()]
 
@@ -101,7 +101,7 @@ def test_the_last_datagrams_of_an_autopilot_that_fails_are_all_taken() -> None:
     log: list[str] = []
     link = opened(log, alone=True, fault="wrong_time", at=2)
     tick(link, 0)
-    link.send(1, TICK_NS, IMU, MAG, BARO, None, b"")
+    link.send(1, TICK_NS, TickSamples(IMU, MAG, BARO), b"")
     with pytest.raises(LockstepLost):
         link.wait(1, TICK_NS)
     texts = [frame for frame in link.take_frames() if frame.msgid == MSGID["STATUSTEXT"]]

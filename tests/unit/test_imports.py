@@ -43,6 +43,7 @@ FLOORS: dict[str, Sequence[str]] = {
         ),
         *("sensors", "missions", "schema", "group_schema", "layers limit_values", "files params_file"),
     ),
+    "sim": ("sensors", "gnss", "radar", "physics", "world_loader", "randomize", "frame", "scene"),
 }
 SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them
 

@@ -1,15 +1,12 @@
-"""A server of AirSim's API in a thread, and a small client that speaks MessagePack-RPC over a socket."""
+"""A server of AirSim's API in a thread, and a client of it."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 import threading
 from collections.abc import Iterator
 from typing import Any
-
-import msgpack
 
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.clock import CallsClock, WallClock
@@ -17,6 +14,7 @@ from hil.apps.airsim.command import Choice, TruthDigest, make_simulation
 from hil.apps.airsim.rpc.server import RpcServer
 from hil.apps.airsim.settings.settings import read_settings
 from hil.apps.airsim.simulation import Simulation
+from lab.airsim_server import BenchClient
 from tests.worlds.patience import PATIENCE_S
 
 
@@ -38,44 +36,8 @@ def pose(x: float, y: float, z: float, q: tuple[float, ...] = (1.0, 0.0, 0.0, 0.
     }
 
 
-class RpcFailed(Exception):
-    """Error in a reply."""
-
-
-class Client:
+class Client(BenchClient):
     """Client of a server; messages are sent and read one by one."""
-
-    def __init__(self, port: int, timeout_s: float = PATIENCE_S) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout_s)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._unpacker = msgpack.Unpacker(raw=False, strict_map_key=False)
-        self._next = 0
-        self._replies: dict[int, tuple[Any, Any]] = {}
-
-    def send(self, name: str, *arguments: Any) -> int:
-        """Send a request and return its id."""
-        self._next += 1
-        self.socket.sendall(msgpack.packb([0, self._next, name, list(arguments)]))
-        return self._next
-
-    def join(self, request: int) -> Any:
-        """Return the result of a request. Raises RpcFailed, or ConnectionError if the server closed the connection."""
-        while request not in self._replies:
-            data = self.socket.recv(1 << 16)
-            if not data:
-                raise ConnectionError("closed by the server")
-            self._unpacker.feed(data)
-            for kind, number, error, result in self._unpacker:
-                assert kind == 1
-                self._replies[number] = (error, result)
-        error, result = self._replies.pop(request)
-        if error is not None:
-            raise RpcFailed(error)
-        return result
-
-    def call(self, name: str, *arguments: Any) -> Any:
-        """Call a method and return its result."""
-        return self.join(self.send(name, *arguments))
 
     def is_closed(self) -> bool:
         """Return True if the server has closed the connection; waits for something to come."""
@@ -83,10 +45,6 @@ class Client:
             return self.socket.recv(1) == b""
         except ConnectionError:
             return True
-
-    def close(self) -> None:
-        """Close the connection."""
-        self.socket.close()
 
 
 class Served:
@@ -99,7 +57,7 @@ class Served:
 
     def client(self) -> Client:
         """Return a new client."""
-        self._clients.append(Client(self.port))
+        self._clients.append(Client(self.port, PATIENCE_S))
         return self._clients[-1]
 
     def close(self) -> None:

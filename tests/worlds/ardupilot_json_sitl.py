@@ -11,6 +11,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
+from firmware_bridge.links.autopilot_link import TickSamples
 from firmware_bridge.transports.udp import UdpInbox, UdpTransport
 from tests.worlds.patience import PATIENCE_S, PATIENT
 from tests.worlds.resting_vehicle import IMU, Process, truth_at
@@ -150,7 +151,7 @@ def make(sitl):
 
 def send(link, tick, imu=IMU, extra=b"", **changes):
     link.observe(truth(tick, **changes))
-    return link.send(tick, tick * TICK_NS, imu, None, None, None, extra)
+    return link.send(tick, tick * TICK_NS, TickSamples(imu), extra)
 
 
 def fly(link, sitl, ticks, start=0):

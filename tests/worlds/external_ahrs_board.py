@@ -7,6 +7,7 @@ from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.codecs.vectornav import sentence
 from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.ardupilot.vectornav_stream import InsErrors
+from firmware_bridge.links.autopilot_link import TickSamples
 from firmware_bridge.links.realtime.deadline_schedule import DeadlineSchedule
 from signals.errors import LinkClosed, PortNotFound
 from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG, truth_at
@@ -179,7 +180,9 @@ class Bench:
             t_ns = self.tick * TICK_NS
             self.link.observe(chosen.pop("truth", None) or truth(self.tick), (0.0, 0.0, 0.0))
             gps = chosen["gps"] and chosen["gps"]._replace(t_capture_ns=t_ns, t_available_ns=t_ns)
-            sent = self.link.send(self.tick, t_ns, chosen["imu"], chosen["mag"], chosen["baro"], gps, extra)
+            sent = self.link.send(
+                self.tick, t_ns, TickSamples(chosen["imu"], chosen["mag"], chosen["baro"], gps), extra
+            )
             assert self.link.wait(self.tick, t_ns) is None
             self.tick += 1
             chosen["gps"] = samples.get("gps", GPS if self.tick % 40 == 0 else None)

@@ -14,8 +14,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import make_sensor
-from sim.sensors.sensor import Installation
+from tests.worlds.installed_sensor import installed
 
 TICK_NS = 4_000_000
 TICK_HZ = 250
@@ -34,10 +33,7 @@ class World:
         shaken_by = flown if shaken else None
 
         def sensor(name: str, preset: str, rate_hz: float) -> Any:
-            return make_sensor(
-                Installation(name, rate_hz=rate_hz, seed=seed, scene=scene, step_ns=TICK_NS, shaken_by=shaken_by),
-                preset=preset,
-            )
+            return installed(name, scene, preset=preset, rate_hz=rate_hz, seed=seed, shaken_by=shaken_by)
 
         self._imu = sensor("imu", "icm20689", TICK_HZ)
         self._others = [

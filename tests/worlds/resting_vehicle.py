@@ -7,7 +7,7 @@ from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import message_class, pack
-from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.autopilot_link import AutopilotLink, TickSamples
 from signals.samples import BaroSample, GpsSample, ImuSample, MagSample, TruthState
 
 IMU = ImuSample(0, 0, 0, (0.5, 0.25, 9.75), (0.125, 0.25, 0.5), 25.0)
@@ -74,7 +74,7 @@ class Drive:
         mag = MagSample(tick, t_ns, t_ns, (2.1e-5, 1e-6, -4.2e-5))
         baro = BaroSample(tick, t_ns, t_ns, 95600.0 + wobble, 488.0, 15.0)
         gps = GPS._replace(t_capture_ns=t_ns, t_available_ns=t_ns) if tick % 25 == 0 else None
-        sent: bytes = link.send(tick, t_ns, imu, mag, baro, gps, extra)
+        sent: bytes = link.send(tick, t_ns, TickSamples(imu, mag, baro, gps), extra)
         try:
             answer = link.wait(tick, t_ns)
         finally:

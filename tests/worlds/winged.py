@@ -19,7 +19,7 @@ CONVENTIONAL = [
 def plane(surfaces: list[Surface], **changes: Any) -> FixedWing:
     values: dict[str, Any] = {
         "name": "test", "mass_kg": 3.0, "inertia_kgm2": (0.3, 0.15, 0.4), "rotors": [PUSHER], "surfaces": surfaces,
-        "stall_mps": 10.0, "cruise_mps": 15.0, "fastest_mps": 25.0, "glide_mps": 13.0, "glide_sink_mps": 1.0,
+        "stall_mps": 10.0, "cruise_mps": 15.0, "fastest_mps": 25.0, "glide_mps": 13.0,
         "idle_sink_mps": 1.3, "climb_mps": 5.0, "pitch_rad": 0.05, "throttle": 0.5, "damping_nms": (-6.0, -0.6, -1.0),
         "pull_up": 0.4, "wheels": False,
     }  # fmt: skip

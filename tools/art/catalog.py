@@ -40,9 +40,11 @@ def _textures() -> dict[str, Callable[[], bytes]]:
     made |= {name: partial(cloth.pixels, name) for name in cloth.MAKERS}
     made |= {f"fur_{name}": partial(fur.coat, name) for name in COATS}
     for season in SEASONS:
-        for name in SPECIES:
-            made[f"leaves_{name}_{season}"] = partial(leaves.leaves, name, season)
-            made[f"inside_{name}_{season}"] = partial(leaves.foliage, name, season, _INSIDE, 4)
+        for name, species in SPECIES.items():
+            if name != "hedge":
+                made[f"leaves_{name}_{season}"] = partial(leaves.leaves, name, season)
+            if name not in ("hedge", "pine") and species.leaves(season) is not None:
+                made[f"inside_{name}_{season}"] = partial(leaves.foliage, name, season, _INSIDE, 4)
         made[f"foliage_hedge_{season}"] = partial(leaves.foliage, "hedge", season, _HEDGE, 2)
     for style in facade_tiles.STYLES:
         made[f"facade_{style}_upper"] = partial(facade_tiles.upper, style)

@@ -19,7 +19,6 @@ the bench does not request it: it gets the outputs that ArduPilot requests by de
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.ardupilot_json import PwmRange
@@ -28,13 +27,13 @@ from firmware_bridge.codecs.vectornav import VectorNavDevice, ardupilot_outputs
 from firmware_bridge.ground_station.vehicle_link import GCS_SYSID
 from firmware_bridge.links.ardupilot.servo_outputs import INTERVALS_US, ServoOutputs
 from firmware_bridge.links.ardupilot.vectornav_stream import Geodetic, InsErrors, InsSolution, VectorNavStream
-from firmware_bridge.links.autopilot_link import SIMULATOR_COMPID, LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import SIMULATOR_COMPID, LinkCaps, LinkTimeouts, TickSamples
 from firmware_bridge.links.realtime.health import Finding
 from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.links.timesync import TIMESYNC
 from firmware_bridge.transports.transport import Transport
 from signals.errors import HandshakeError, LinkClosed, LinkError
-from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample, TruthState, Vec3
+from signals.samples import ActuatorFrame, TruthState, Vec3
 from signals.time import NS_PER_MS, NS_PER_S
 
 KIND = "ardupilot_eahrs"
@@ -153,17 +152,7 @@ class ExternalAhrsLink(RealtimeLink):
         """Take the vehicle's true state, from which the next `send` makes the device's solution."""
         self._truth = truth
 
-    def send(
-        self,
-        tick: int,
-        t_ns: int,
-        imu: ImuSample | None,
-        mag: MagSample | None,
-        baro: BaroSample | None,
-        gps: GpsSample | None,
-        extra: bytes,
-        ranging: Sequence[Sample] = (),  # noqa: ARG002 (a VectorNav has none)
-    ) -> bytes:
+    def send(self, tick: int, t_ns: int, samples: TickSamples, extra: bytes) -> bytes:
         """Write `extra` to the MAVLink line and pass the tick's packets to the sender. Return the MAVLink bytes.
 
         The packets are not returned: a MAVLink log would take them for frames, and the recording has their samples.
@@ -173,7 +162,7 @@ class ExternalAhrsLink(RealtimeLink):
         if truth is None or truth.t_ns != t_ns:
             raise LinkError(self.name, f"tick {tick}: `observe` was not called with the truth of {t_ns} ns")
         stats = self._stats
-        packets = self._stream.packets(t_ns, truth, imu, mag, baro, gps)
+        packets = self._stream.packets(t_ns, truth, samples)
         if t_ns > _SENSORS_WITHIN_NS and self._stream.missing:
             raise LinkError(
                 self.name,

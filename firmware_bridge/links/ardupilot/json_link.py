@@ -56,6 +56,7 @@ from firmware_bridge.links.autopilot_link import (
     LinkCaps,
     LinkStats,
     LinkTimeouts,
+    TickSamples,
 )
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.silence import VehicleMonitor, process_is_stopped
@@ -63,14 +64,10 @@ from firmware_bridge.transports.udp import Address, UdpInbox
 from signals.errors import HandshakeError, HilError, LinkClosed, LockstepLost
 from signals.samples import (
     ActuatorFrame,
-    BaroSample,
     DifferentialPressureSample,
-    GpsSample,
     ImuSample,
-    MagSample,
     OdometrySample,
     RangeSample,
-    Sample,
     TruthState,
     VaneSample,
     Vec3,
@@ -203,27 +200,17 @@ class ArduPilotJsonLink(AutopilotLink):
         if self._home_W is None:
             self._home_W = truth.p_WB
 
-    def send(
-        self,
-        tick: int,
-        t_ns: int,
-        imu: ImuSample | None,
-        mag: MagSample | None,  # noqa: ARG002 (SITL makes its own)
-        baro: BaroSample | None,  # noqa: ARG002
-        gps: GpsSample | None,  # noqa: ARG002
-        extra: bytes,
-        ranging: Sequence[Sample] = (),
-    ) -> bytes:
+    def send(self, tick: int, t_ns: int, samples: TickSamples, extra: bytes) -> bytes:
         """Write `extra` and external vision to MAVLink, then the state line. Return all of it.
 
         CodecError if a value is not a number.
         """
-        if imu is not None:
-            self._imu = imu
-        ranges_m = tuple(sample.distance_m for sample in ranging if isinstance(sample, RangeSample))
+        if samples.imu is not None:
+            self._imu = samples.imu
+        ranges_m = tuple(sample.distance_m for sample in samples.others if isinstance(sample, RangeSample))
         if ranges_m:
             self._ranges_m = ranges_m
-        for sample in ranging:
+        for sample in samples.others:
             if isinstance(sample, OdometrySample):
                 extra += self._encoder.frame(ODOMETRY, odometry_payload(t_ns, sample))
             elif isinstance(sample, DifferentialPressureSample):

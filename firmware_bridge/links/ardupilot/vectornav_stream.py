@@ -27,9 +27,10 @@ from firmware_bridge.codecs.vectornav import (
     Readings,
     VectorNavDevice,
 )
+from firmware_bridge.links.autopilot_link import TickSamples
 from signals.noise import NoiseStream
 from signals.rotation import product
-from signals.samples import BaroSample, GpsSample, ImuSample, MagSample, Quat, TruthState, Vec3
+from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S, RateAccumulator
 
 # GPS time (since 6 January 1980) at the start of a run: 1 January 2026, 12:00 UTC; 18 leap seconds.
@@ -135,18 +136,10 @@ class VectorNavStream:
             )
         return found
 
-    def packets(
-        self,
-        t_ns: int,
-        truth: TruthState,
-        imu: ImuSample | None,
-        mag: MagSample | None,
-        baro: BaroSample | None,
-        gps: GpsSample | None,
-    ) -> bytes:
+    def packets(self, t_ns: int, truth: TruthState, samples: TickSamples) -> bytes:
         """Take the tick's samples. Return the packets due at `t_ns`. CodecError if a sample is not a number."""
         readings = self._readings
-        self._take(imu, mag, baro, gps)
+        self._take(samples)
         device = self.device
         if device.outputs != self._outputs:
             self._set_rates()
@@ -169,15 +162,14 @@ class VectorNavStream:
                 if not solved:
                     self._solve(t_ns, truth)
                     solved = True
-            elif imu is None or self.missing:
+            elif samples.imu is None or self.missing:
                 continue
             data += packet.encode(readings)
         return data
 
-    def _take(
-        self, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None, gps: GpsSample | None
-    ) -> None:
+    def _take(self, samples: TickSamples) -> None:
         readings, seen = self._readings, self._seen
+        imu, mag, baro, gps, _ = samples
         if imu is not None:
             readings.take_imu(imu)
             seen.add("IMU")

@@ -6,20 +6,20 @@ silent line ends the run. HIL_STATE_QUATERNION is never sent: it overwrites the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts, TickSamples
 from firmware_bridge.links.px4.hitl_setup import HitlSetup, await_autopilot
 from firmware_bridge.links.px4.lockstep import AirTemperature, tick_messages
 from firmware_bridge.links.px4.restart import BoardRestart
 from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.transports.transport import Transport
 from signals.errors import HandshakeError, LinkError
-from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+from signals.samples import ActuatorFrame
 from signals.time import NS_PER_S
 
 _MOST_BAD_IN_A_ROW = 25  # commands that are not numbers: a tenth of a second of them
@@ -101,23 +101,13 @@ class FreeRunningLink(RealtimeLink):
         self._bad_in_a_row = 0
         return frame
 
-    def send(
-        self,
-        tick: int,  # noqa: ARG002
-        t_ns: int,
-        imu: ImuSample | None,
-        mag: MagSample | None,
-        baro: BaroSample | None,
-        gps: GpsSample | None,
-        extra: bytes,
-        ranging: Sequence[Sample] = (),
-    ) -> bytes:
+    def send(self, tick: int, t_ns: int, samples: TickSamples, extra: bytes) -> bytes:  # noqa: ARG002
         """Pass the tick's bytes to the sender and return them. CodecError if a sample is not a number."""
         stats = self._stats
         request = self.timesync.request(self._deadline_ns)
         if self._air is not None:
-            baro = self._air.put(baro, ranging)
-        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request)
+            samples = self._air.put(samples)
+        data = tick_messages(self._encoder, t_ns, samples, request=request)
         # Commands must arrive; a stale sample is dropped rather than sent late.
         if extra:
             self._push(extra, keep=True)

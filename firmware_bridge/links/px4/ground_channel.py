@@ -22,11 +22,11 @@ _PROC_UDP = Path("/proc/net/udp")
 
 
 class GroundChannel:
-    """Exchange of MAVLink datagrams with `host:port`; the local port is any free one."""
+    """Exchange of MAVLink datagrams with `port` of this machine; the local port is any free one."""
 
-    def __init__(self, port: int, *, host: str = "127.0.0.1") -> None:
-        self._peer = (host, port)
-        self._socket = UdpInbox(host=host)
+    def __init__(self, port: int) -> None:
+        self._peer = ("127.0.0.1", port)
+        self._socket = UdpInbox()
         self._peer_port = f":{port:04X}"
         self.parser = FrameParser()  # counts damaged frames
 

@@ -41,6 +41,7 @@ from firmware_bridge.links.autopilot_link import (
     LinkCaps,
     LinkStats,
     LinkTimeouts,
+    TickSamples,
 )
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.px4.ground_channel import GroundChannel
@@ -48,16 +49,7 @@ from firmware_bridge.links.silence import Diagnosis, VehicleMonitor, process_is_
 from firmware_bridge.links.timesync import TIMESYNC
 from firmware_bridge.transports.transport import Transport
 from signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
-from signals.samples import (
-    ActuatorFrame,
-    BaroSample,
-    DifferentialPressureSample,
-    GpsSample,
-    ImuSample,
-    MagSample,
-    Sample,
-    VaneSample,
-)
+from signals.samples import ActuatorFrame, BaroSample, DifferentialPressureSample, ImuSample, MagSample, VaneSample
 
 _HEARTBEAT = MSGID["HEARTBEAT"]
 
@@ -106,33 +98,27 @@ class AirTemperature:
     def __init__(self) -> None:
         self._degc: float | None = None  # None: as the barometer measures it
 
-    def put(self, baro: BaroSample | None, samples: Sequence[Sample]) -> BaroSample | None:
-        """Return the barometer's sample with the temperature of the air, in a tick with these samples."""
-        for sample in samples:
+    def put(self, samples: TickSamples) -> TickSamples:
+        """Return the samples of a tick, that of the barometer with the temperature of the air."""
+        for sample in samples.others:
             if isinstance(sample, DifferentialPressureSample):
                 self._degc = sample.temperature_degc
-        return baro if baro is None or self._degc is None else baro._replace(temperature_degc=self._degc)
+        baro = samples.baro
+        if baro is None or self._degc is None:
+            return samples
+        return samples._replace(baro=baro._replace(temperature_degc=self._degc))
 
 
-def tick_messages(
-    encoder: FrameEncoder,
-    t_ns: int,
-    imu: ImuSample | None,
-    mag: MagSample | None,
-    baro: BaroSample | None,
-    gps: GpsSample | None,
-    ranging: Sequence[Sample],
-    *,
-    request: bytes | None = None,
-) -> bytes:
+def tick_messages(encoder: FrameEncoder, t_ns: int, samples: TickSamples, *, request: bytes | None = None) -> bytes:
     """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
-    HIL_SENSOR has the newest differential pressure of `ranging`; no message has the angles of vanes.
+    HIL_SENSOR has the newest differential pressure of the others; no message has the angles of vanes.
     CodecError if a sample is not a number.
     """
+    imu, mag, baro, gps, others = samples
     data = b""
     pitot: DifferentialPressureSample | None = None
-    for sample in ranging:
+    for sample in others:
         if isinstance(sample, DifferentialPressureSample):
             pitot = sample
         elif not isinstance(sample, VaneSample):
@@ -233,17 +219,7 @@ class LockstepLink(AutopilotLink):
         )
         return f"no heartbeat within {self._timeouts.connect_s:g} s of wall clock; {seen}"
 
-    def send(
-        self,
-        tick: int,  # noqa: ARG002 (HIL messages carry the time only)
-        t_ns: int,
-        imu: ImuSample | None,
-        mag: MagSample | None,
-        baro: BaroSample | None,
-        gps: GpsSample | None,
-        extra: bytes,
-        ranging: Sequence[Sample] = (),
-    ) -> bytes:
+    def send(self, tick: int, t_ns: int, samples: TickSamples, extra: bytes) -> bytes:  # noqa: ARG002 (only the time)
         """Write and return [extra][range and flow][HIL_GPS][HIL_SENSOR]. CodecError if a sample is not a number."""
         encoder, stats = self._encoder, self._stats
         data = b""
@@ -253,15 +229,16 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        if self._air is not None and (baro is not None or ranging):
-            baro = self._air.put(baro, ranging)
-        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
+        if self._air is not None and (samples.baro is not None or samples.others):
+            samples = self._air.put(samples)
+        data += tick_messages(encoder, t_ns, samples)
         try:
             self._transport.write(data)
         except LinkClosed as error:
             raise self._closed(error) from error
         self._sent_at_ns = time.perf_counter_ns()
         # What does not have to be done before the write is done here, while the autopilot computes.
+        imu, mag, baro, _, _ = samples
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         self._vehicle.received(self._unseen)

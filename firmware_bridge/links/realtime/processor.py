@@ -28,7 +28,6 @@ import resource
 import time
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 
 from firmware_bridge.links.realtime.sender_process import lock_memory, set_timer_slack
 
@@ -66,9 +65,7 @@ class RealtimeProducer:
         self.denied = tuple(found)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         set_timer_slack(0)
         if self._locked:
             ctypes.CDLL(None).munlockall()
@@ -141,9 +138,7 @@ class LockstepProcessors:
         self._watched_ns = time.monotonic_ns()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._before is not None:
             self._release()
 

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from firmware_bridge.mock_pixhawk import elementary as el
-from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO, LABELS, MAG, SensorIntake
-from firmware_bridge.mock_pixhawk.estimate.state import Estimate
+from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO, LABELS, MAG
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG
 
@@ -51,18 +49,10 @@ class Failsafe:
     """Failsafes of one armed vehicle. `say(severity, text)` sends a STATUSTEXT."""
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        estimate: Estimate,
-        sensors: SensorIntake,
-        offboard: Offboard,
-        params: ParamTable,
-        say: Callable[[int, str], None],
-        *,
-        hitl: bool = False,
+        self, parts: FirmwareParts, offboard: Offboard, say: Callable[[int, str], None], *, hitl: bool = False
     ) -> None:
-        self._vehicle, self._estimate, self._sensors = vehicle, estimate, sensors
-        self._offboard, self._params, self._say = offboard, params, say
+        _, self._vehicle, self._estimate, self._sensors, self._params, _ = parts
+        self._offboard, self._say = offboard, say
         # The bench may pause for a moment: in HITL a lost IMU is only reported until this time has passed.
         self._imu_timeout_us = _HITL_IMU_TIMEOUT_US if hitl else 0
         self.last_gcs_us: int | None = None

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import Protocol
 
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.mission_item import (
     NAVIGATION,
     PAYLOAD,
@@ -19,38 +19,20 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import (
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd, MissionState
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
 from signals.time import US_PER_S
 
 _ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that only jump
 
 
-class MissionCallbacks(Protocol):
-    """Reports of a mission to the firmware."""
-
-    def on_reached(self, seq: int) -> None: ...
-
-    def info(self, text: str) -> None: ...
-
-    def set_mission_home(self, position: Point | None) -> None: ...
-
-
 class MissionRunner:
-    """AUTO.MISSION. `project(lat, lon, alt)` returns local NED."""
+    """AUTO.MISSION."""
 
     navigation = NAVIGATION  # commands that are flown
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        params: ParamTable,
-        *,
-        project: Callable[[float, float, float], Point],
-        callbacks: MissionCallbacks,
-    ) -> None:
-        self._vehicle, self._params, self._project = vehicle, params, project
+    def __init__(self, parts: FirmwareParts) -> None:
+        self._vehicle, self._params, self._project = parts.vehicle, parts.params, parts.estimate.ned
+        callbacks = parts.callbacks
         self._reached, self._info, self._set_home = callbacks.on_reached, callbacks.info, callbacks.set_mission_home
         self.items: list[MissionItem] = []
         self.index = 0  # current item; len(items) when there is none left

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from firmware_bridge.mock_pixhawk import elementary as el
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.flight_modes import Landing, TakeoffClimb
 from firmware_bridge.mock_pixhawk.flight.guidance import Guidance
 from firmware_bridge.mock_pixhawk.flight.mission_item import (
@@ -18,11 +19,9 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import (
     PAYLOAD,
     value_or,
 )
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
 from signals.units import RAD_PER_DEG, TURN_RAD
 
@@ -42,19 +41,11 @@ class PathItem(NamedTuple):
 class Navigator(MissionRunner):
     """AUTO.MISSION of a multirotor."""
 
-    def __init__(
-        self,
-        guidance: Guidance,
-        vehicle: Vehicle,
-        params: ParamTable,
-        *,
-        project: Callable[[float, float, float], Point],
-        callbacks: MissionCallbacks,
-    ) -> None:
-        super().__init__(vehicle, params, project=project, callbacks=callbacks)
+    def __init__(self, guidance: Guidance, parts: FirmwareParts) -> None:
+        super().__init__(parts)
         self._guidance = guidance
-        self._climb = TakeoffClimb(guidance, vehicle, params)
-        self._landing = Landing(guidance, vehicle, params)
+        self._climb = TakeoffClimb(guidance, parts.vehicle, parts.params)
+        self._landing = Landing(guidance, parts.vehicle, parts.params)
         self._path_items: list[PathItem] = []
 
     def _stay(self) -> None:

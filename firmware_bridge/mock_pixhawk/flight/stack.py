@@ -9,21 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Protocol
 
-from firmware_bridge._native import FlightCore
-from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
-from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
 from firmware_bridge.mock_pixhawk.flight.guidance import Guidance
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 Handlers = Mapping[int, Callable[[Any, int], int]]  # (command, now_us) to the result, by MAV_CMD
 MissionState = Callable[[], tuple[int, int, int]]
@@ -94,10 +90,10 @@ class FlightStack(Protocol):
     def outputs(self, now_us: int) -> list[float]:
         """Return the 16 commands of this instant."""
 
-    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
+    def failsafe(self, say: Say, *, hitl: bool) -> Failsafe:
         """Make the failsafes."""
 
-    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+    def telemetry(self, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
         """Make the telemetry."""
 
 
@@ -106,23 +102,21 @@ class MultirotorStack:
 
     commands: ClassVar[Handlers] = {}
 
-    def __init__(
-        self, core: FlightCore, vehicle: Vehicle, estimate: Estimate, params: ParamTable, callbacks: MissionCallbacks
-    ) -> None:
-        self._core, self._vehicle, self._estimate, self._params = core, vehicle, estimate, params
+    def __init__(self, parts: FirmwareParts) -> None:
+        core, vehicle, estimate, _, params, _ = self._parts = parts
         self._rotors = int(params["CA_ROTOR_COUNT"])
         guidance = Guidance(core, vehicle, params)
         self._offboard = Offboard(core, vehicle, estimate.ned)
-        navigator = Navigator(guidance, vehicle, params, project=estimate.ned, callbacks=callbacks)
+        navigator = Navigator(guidance, parts)
         self.modes = FlightModes(vehicle, params, guidance, navigator, self._offboard)
 
     def observe(self, now_us: int) -> None: ...
 
     def outputs(self, now_us: int) -> list[float]:  # noqa: ARG002
-        return self._core.motor_commands(self._rotors)
+        return self._parts.core.motor_commands(self._rotors)
 
-    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
-        return Failsafe(self._vehicle, self._estimate, sensors, self._offboard, self._params, say, hitl=hitl)
+    def failsafe(self, say: Say, *, hitl: bool) -> Failsafe:
+        return Failsafe(self._parts, self._offboard, say, hitl=hitl)
 
-    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
-        return Telemetry(self._vehicle, self._estimate, sensors, mission, system_type=system_type, hil=hil)
+    def telemetry(self, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+        return Telemetry(self._parts, mission, system_type=system_type, hil=hil)

@@ -17,16 +17,15 @@ from collections.abc import Callable
 from math import pi, sqrt
 
 from firmware_bridge.mock_pixhawk import elementary as el
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_NAVIGATION, has_no_position, value_or
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.plane.landing import PlaneLanding
 from firmware_bridge.mock_pixhawk.plane.path import Circle, Line, line_between
 from firmware_bridge.mock_pixhawk.plane.pilot import PERIOD_S, PlanePilot
 from firmware_bridge.mock_pixhawk.plane.takeoff import PlaneTakeoff
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
 from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG, TURN_RAD
@@ -42,18 +41,8 @@ class PlaneNavigator(MissionRunner):
 
     navigation = PLANE_NAVIGATION
 
-    def __init__(
-        self,
-        pilot: PlanePilot,
-        vehicle: Vehicle,
-        params: ParamTable,
-        takeoff: PlaneTakeoff,
-        landing: PlaneLanding,
-        *,
-        project: Callable[[float, float, float], Point],
-        callbacks: MissionCallbacks,
-    ) -> None:
-        super().__init__(vehicle, params, project=project, callbacks=callbacks)
+    def __init__(self, pilot: PlanePilot, parts: FirmwareParts, takeoff: PlaneTakeoff, landing: PlaneLanding) -> None:
+        super().__init__(parts)
         self._pilot, self._takeoff, self._landing = pilot, takeoff, landing
         self._from: Point | None = None  # the place before the current item
         self._d = 0.0  # height of flight while no item gives one

@@ -7,12 +7,10 @@ from math import sqrt
 from typing import Any, ClassVar
 
 from firmware_bridge._native import PARAM_NAMES, STATE_FIELDS, FlightCore
-from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
-from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action, Failsafe
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
 from firmware_bridge.mock_pixhawk.flight.guidance import ATTITUDE, POSITION
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.flight.stack import Handlers, MissionState, Say
 from firmware_bridge.mock_pixhawk.ids import Severity
@@ -153,17 +151,8 @@ class PlaneStack:
 
     commands: ClassVar[Handlers] = {}
 
-    def __init__(
-        self,
-        core: FlightCore,
-        vehicle: Vehicle,
-        estimate: Estimate,
-        sensors: SensorIntake,
-        params: ParamTable,
-        callbacks: MissionCallbacks,
-    ) -> None:
-        self._core, self._vehicle, self._estimate, self._sensors = core, vehicle, estimate, sensors
-        self._params = params
+    def __init__(self, parts: FirmwareParts) -> None:
+        core, vehicle, estimate, sensors, params, callbacks = self._parts = parts
         self._state = core.state
         sensors.doubt_clipped(_ACCEL_NOISE, lambda: params["EKF_ACC_NOISE"])
         air = self.air = AirData(pitot=bool(params["FW_USE_AIRSPD"]) and bool(params["SYS_HAS_NUM_ASPD"]))
@@ -172,15 +161,7 @@ class PlaneStack:
         landing = self.landing = PlaneLanding(pilot, vehicle, params, callbacks.info)
         self._takeoff = PlaneTakeoff(pilot, vehicle, params, callbacks.info)
         self.detector = PlaneLandDetector(params)
-        navigator = PlaneNavigator(
-            pilot,
-            vehicle,
-            params,
-            self._takeoff,
-            landing,
-            project=estimate.ned,
-            callbacks=callbacks,
-        )
+        navigator = PlaneNavigator(pilot, parts, self._takeoff, landing)
         offboard = self._offboard = PlaneOffboard(core, vehicle, estimate.ned, pilot, params)
         by_mode: dict[Mode, FlightMode] = {
             Mode.MANUAL: PlaneDirect(pilot, vehicle),
@@ -199,13 +180,14 @@ class PlaneStack:
     @property
     def rolls(self) -> bool:
         """True during a take-off roll."""
-        return self._vehicle.armed and self._vehicle.mode in (Mode.TAKEOFF, Mode.MISSION) and self._takeoff.rolling
+        vehicle = self._parts.vehicle
+        return vehicle.armed and vehicle.mode in (Mode.TAKEOFF, Mode.MISSION) and self._takeoff.rolling
 
     def engine_failed(self, now_us: int) -> bool:
         """Watch the engine in flight. Return True at the moment in which it is found to have failed."""
         return self.engine.step(
             now_us,
-            climb_mps=-self._vehicle.v_d,
+            climb_mps=-self._parts.vehicle.v_d,
             true_airspeed_mps=self.air.true_mps,
             airspeed_rate_mps2=self.air.rate_mps2,
             throttle=self.pilot.throttle,
@@ -213,9 +195,10 @@ class PlaneStack:
 
     def observe(self, now_us: int) -> None:
         """Update air data and land detector from the estimate."""
-        v, s, sensors = self._vehicle, self._state, self._sensors
+        _, v, estimate, sensors, _, _ = self._parts
+        s = self._state
         self.air.pitot.take(sensors.differential_us, sensors.differential_hpa)
-        altitude = self._estimate.origin_alt_m - v.pos_d if self._estimate.has_origin else 0.0
+        altitude = estimate.origin_alt_m - v.pos_d if estimate.has_origin else 0.0
         velocity = (v.v_n, v.v_e, v.v_d)
         self.air.step(
             now_us,
@@ -229,29 +212,20 @@ class PlaneStack:
             self.detector.at_rest(v.pos_d)
             self._takeoff.launched = False
         moves = v.armed and (self.pilot.throttle > _RUNNING or self._takeoff.launched)
-        self._core.set_landed(self.detector.step(now_us, velocity, v.pos_d, self.air.airspeed_mps, moves=moves))
+        self._parts.core.set_landed(self.detector.step(now_us, velocity, v.pos_d, self.air.airspeed_mps, moves=moves))
 
     def flies(self) -> bool:
         """Return True while the nose tells where the air comes from."""
-        return not self._vehicle.landed
+        return not self._parts.vehicle.landed
 
     def outputs(self, now_us: int) -> list[float]:
         """Run the inner loops."""
         return self.pilot.commands(now_us)
 
-    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
+    def failsafe(self, say: Say, *, hitl: bool) -> Failsafe:
         """Make the failsafes."""
-        return PlaneFailsafe(self, self._vehicle, self._estimate, sensors, self._offboard, self._params, say, hitl=hitl)
+        return PlaneFailsafe(self, self._parts, self._offboard, say, hitl=hitl)
 
-    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+    def telemetry(self, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
         """Make the telemetry."""
-        return PlaneTelemetry(
-            self.air,
-            self.pilot.rotors,
-            self._vehicle,
-            self._estimate,
-            sensors,
-            mission,
-            system_type=system_type,
-            hil=hil,
-        )
+        return PlaneTelemetry(self.air, self.pilot.rotors, self._parts, mission, system_type=system_type, hil=hil)

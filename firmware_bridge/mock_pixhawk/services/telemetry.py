@@ -11,9 +11,9 @@ from math import nan, sqrt
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO, MAG, UNKNOWN_ACCURACY, SensorIntake
-from firmware_bridge.mock_pixhawk.estimate.state import Estimate
+from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO, MAG, UNKNOWN_ACCURACY
 from firmware_bridge.mock_pixhawk.estimate.vibration import VibrationMetrics
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.ids import (
     AUTOPILOT_PX4,
     BaseMode,
@@ -23,7 +23,6 @@ from firmware_bridge.mock_pixhawk.ids import (
     SystemState,
 )
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.units import DEG_PER_RAD
 
 #: message -> default period [us]; 0 = only on request
@@ -70,8 +69,7 @@ _ESTIMATOR_ATTITUDE = 0x1 | 0x20
 _CELL_FULL_MV, _CELL_EMPTY_MV, _CELLS = 4050, 3600, 4
 _UNKNOWN_U16 = 65535
 _BATTERY_OK, _BATTERY_LOW, _BATTERY_CRITICAL = 1, 2, 3
-
-_U16, _I16 = (0, 65535), (-32768, 32767)
+_I16 = (-32768, 32767)
 
 
 def _clamped(value: float, limits: tuple[int, int]) -> int:
@@ -92,17 +90,10 @@ class Telemetry:
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        estimate: Estimate,
-        sensors: SensorIntake,
-        mission: Callable[[], tuple[int, int, int]],
-        *,
-        system_type: int,
-        hil: bool = False,
+        self, parts: FirmwareParts, mission: Callable[[], tuple[int, int, int]], *, system_type: int, hil: bool = False
     ) -> None:
-        self._v, self._estimate, self._sensors, self._mission = vehicle, estimate, sensors, mission
-        self._type = system_type
+        _, self._v, self._estimate, self._sensors, _, _ = parts
+        self._mission, self._type = mission, system_type
         self._base_mode = BaseMode.CUSTOM_MODE_ENABLED | (BaseMode.HIL_ENABLED if hil else 0)
         self.makers: dict[int, Callable[[int], Any]] = {}
         self.periods_us: dict[int, int] = {}  # by message id

@@ -12,15 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_bridge.mock_pixhawk import elementary as el
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.mission_item import VTOL_NAVIGATION
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
-from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.plane.plane_navigator import PlaneNavigator
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from firmware_bridge.mock_pixhawk.vtol.transition import Regime
 from firmware_bridge.mock_pixhawk.vtol.vtol_modes import approach
 from firmware_bridge.mock_pixhawk.vtol.vtol_pilot import VtolPilot
@@ -36,18 +34,8 @@ class VtolNavigator(MissionRunner):
 
     navigation = VTOL_NAVIGATION
 
-    def __init__(
-        self,
-        pilot: VtolPilot,
-        vehicle: Vehicle,
-        params: ParamTable,
-        hover: Navigator,
-        wing: PlaneNavigator,
-        *,
-        project: Callable[[float, float, float], Point],
-        callbacks: MissionCallbacks,
-    ) -> None:
-        super().__init__(vehicle, params, project=project, callbacks=callbacks)
+    def __init__(self, pilot: VtolPilot, parts: FirmwareParts, hover: Navigator, wing: PlaneNavigator) -> None:
+        super().__init__(parts)
         self._pilot, self._hover, self._wing = pilot, hover, wing
 
     # -- what flies ---------------------------------------------------------------------------------------------

@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from firmware_bridge._native import FlightCore
-from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
-from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action, Failsafe
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks
 from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.flight.stack import Handlers, MissionState, MultirotorStack, Say
 from firmware_bridge.mock_pixhawk.ids import Cmd, Result, Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.plane.plane_stack import PlaneModes, PlaneOffboard, PlaneStack, PlaneTelemetry
 from firmware_bridge.mock_pixhawk.services.commands import Command
 from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry
-from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from firmware_bridge.mock_pixhawk.vtol.transition import Regime
 from firmware_bridge.mock_pixhawk.vtol.vtol_modes import VtolHold, VtolHome, VtolMode
 from firmware_bridge.mock_pixhawk.vtol.vtol_navigator import VtolNavigator
@@ -126,24 +121,14 @@ class VtolTelemetry(PlaneTelemetry):
 class VtolStack:
     """Parts that fly a standard VTOL."""
 
-    def __init__(
-        self,
-        core: FlightCore,
-        vehicle: Vehicle,
-        estimate: Estimate,
-        sensors: SensorIntake,
-        params: ParamTable,
-        callbacks: MissionCallbacks,
-    ) -> None:
-        self._vehicle, self._estimate, self._params = vehicle, estimate, params
-        self.hover = MultirotorStack(core, vehicle, estimate, params, callbacks)
-        self.wing = WingStack(core, vehicle, estimate, sensors, params, callbacks)
+    def __init__(self, parts: FirmwareParts) -> None:
+        core, vehicle, estimate, _, params, _ = self._parts = parts
+        self.hover = MultirotorStack(parts)
+        self.wing = WingStack(parts)
         hover, wing = self.hover.modes, self.wing.modes
         pilot = self.pilot = VtolPilot(core, vehicle, params, hover.guidance, self.wing.pilot)
         self.wing.wing_borne = lambda: pilot.flies
-        navigator = VtolNavigator(
-            pilot, vehicle, params, hover.navigator, wing.navigator, project=estimate.ned, callbacks=callbacks
-        )
+        navigator = VtolNavigator(pilot, parts, hover.navigator, wing.navigator)
         self._offboard = VtolOffboard(pilot, core, vehicle, estimate.ned, self.wing.pilot, params)
         home = VtolHome(pilot, vehicle, params, lands_here=False), VtolHome(pilot, vehicle, params, lands_here=True)
         self.modes = VtolModes(pilot, navigator, self._offboard, hover, wing, home)
@@ -161,27 +146,20 @@ class VtolStack:
         """Return True at the moment in which the pusher is found to have failed on the wings."""
         return self.pilot.flies and self.wing.engine_failed(now_us)
 
-    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
+    def failsafe(self, say: Say, *, hitl: bool) -> Failsafe:
         """Make the failsafes."""
-        return VtolFailsafe(self, self._vehicle, self._estimate, sensors, self._offboard, self._params, say, hitl=hitl)
+        return VtolFailsafe(self, self._parts, self._offboard, say, hitl=hitl)
 
-    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+    def telemetry(self, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
         """Make the telemetry."""
+        wing = self.wing
         return VtolTelemetry(
-            self.pilot,
-            self.wing.air,
-            self.wing.pilot.rotors,
-            self._vehicle,
-            self._estimate,
-            sensors,
-            mission,
-            system_type=system_type,
-            hil=hil,
+            self.pilot, wing.air, wing.pilot.rotors, self._parts, mission, system_type=system_type, hil=hil
         )
 
     def _transition(self, command: Command, now_us: int) -> int:
         """DO_VTOL_TRANSITION: only armed and in flight."""
-        pilot, vehicle = self.pilot, self._vehicle
+        pilot, vehicle = self.pilot, self._parts.vehicle
         if not vehicle.armed or vehicle.landed:
             return Result.DENIED
         if command.p1 == Regime.WING.value:

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import gc
 import hashlib
-import ipaddress
 import json
 import struct
 import time
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.transports.loopback_host import is_loopback
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.clock import CallsClock, WallClock
 from hil.apps.airsim.rpc.server import RpcServer
@@ -172,7 +172,7 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     chosen = await server.start(host, port)
     if settings.recording.enabled:
         simulation.recorder.start()
-    if not _is_loopback(host):
+    if not is_loopback(host):
         console.print(
             f"warning: everybody who reaches {host}:{chosen} can fly these vehicles, because AirSim's protocol has no "
             "keys; leave --host out to serve this computer alone",
@@ -202,15 +202,6 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     if truths is not None and server.digest is not None:
         server.digest.update(truths.hexdigest().encode())
     return server
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: float) -> dict[str, Any]:

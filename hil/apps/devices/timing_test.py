@@ -11,7 +11,7 @@ import time
 from rich.console import Console
 from rich.markup import escape
 
-from firmware_bridge.links.autopilot_link import LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import LinkCaps, LinkTimeouts, TickSamples
 from firmware_bridge.links.px4.free_running import FreeRunningLink
 from firmware_bridge.links.realtime.processor import RealtimeProducer
 from firmware_bridge.transports.serial import SerialTransport
@@ -44,7 +44,7 @@ def check_timing(console: Console, port: str, *, baud: int, seconds: float = 60.
                 work_until_ns = time.monotonic_ns() + _WORK_NS
                 while time.monotonic_ns() < work_until_ns:
                     pass
-                link.send(tick, tick * _TICK_NS, None, None, None, None, b"")
+                link.send(tick, tick * _TICK_NS, TickSamples(), b"")
                 link.take_frames()
         sent = link.send_stats()
         assert sent is not None

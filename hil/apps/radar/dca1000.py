@@ -6,7 +6,6 @@ FILE gets the samples, `<FILE without .bin>.mmwave.json` and `.setup.json` the s
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +42,7 @@ class Dca1000File:
         self._times_ns.append(t_ns)
         self._file.write(frame_words(raw, p.chirp, self._board, p.receiver.adc_bits).tobytes())
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         self._file.close()
         if kind is not None:
             return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil.run.follow.difference import Differences, Motion, rms
-from hil.run.report.figures import roll_pitch_yaw_deg, save, without_jumps
+from hil.run.report.figures import legend, roll_pitch_yaw_deg, save, without_jumps
 
 Rows = NDArray[np.float64]
 
@@ -71,12 +70,12 @@ def path_figure(c: Compared) -> Figure:
     plan.set_aspect("equal", adjustable="datalim")
     plan.margins(0.12)
     plan.set(title="Path, seen from above", xlabel="east [m]", ylabel="north [m]")
-    _legend(plan)
+    legend(plan)
     height = figure.add_subplot(grid[0, 1])
     height.plot(c.t_s, c.set_points_W[:, 2], "--", color=_TOLD, lw=1.2, label="set-points")
     _both(height, c.t_s, c.real.p_WB[:, 2], c.t_s, c.simulated.p_WB[:, 2])
     height.set(title="Height", ylabel="up [m]")
-    _legend(height)
+    legend(height)
     over_ground = figure.add_subplot(grid[1, 1], sharex=height)
     climb = figure.add_subplot(grid[2, 1], sharex=height)
     real, simulated = c.real.v_WB_W, c.simulated.v_WB_W
@@ -99,7 +98,7 @@ def motion_figure(c: Compared) -> Figure:
         axes.set(title=name.capitalize(), ylabel=f"[{_DEG}]")
         first = first or axes
         if row == 0:
-            _legend(axes)
+            legend(axes)
         axes = figure.add_subplot(grid[row, 1], sharex=first)
         _both(axes, c.t_s, np.degrees(c.real.w_WB_B[:, row]), c.t_s, np.degrees(c.simulated.w_WB_B[:, row]), lw=0.8)
         axes.set(title=f"Rate about {'xyz'[row]}", ylabel=f"[{_DEG}/s]")
@@ -129,7 +128,7 @@ def difference_figure(c: Compared) -> Figure:
     for i, name in enumerate(("east", "north", "up")):
         grid[0, 0].plot(d.t_s, d.by_axis_m[:, i], color=_AXES[i], lw=1.2, label=name)
     grid[0, 0].set(title=f"Position, rms {_number(rms(d.position_m))} m", ylabel="simulated less real [m]")
-    _legend(grid[0, 0])
+    legend(grid[0, 0])
     for axes, values, name, unit in (
         (grid[0, 1], d.velocity_mps, "Velocity", "m/s"),
         (grid[1, 0], d.attitude_deg, "Attitude", _DEG),
@@ -156,12 +155,3 @@ def _with_time(figure: Figure, c: Compared, axes: Axes) -> Figure:
 
 def _number(value: float | None) -> str:
     return "not measured" if value is None else f"{value:.3g}"
-
-
-def _legend(axes: Axes, handles: Sequence[object] | None = None) -> None:
-    del handles
-    lines = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    axes.legend(
-        handles=lines, loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=len(lines), borderaxespad=0.1,
-        handlelength=1.3, columnspacing=1.1,
-    )  # fmt: skip

@@ -41,7 +41,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.autopilot_link import AutopilotLink, TickSamples
 from hil.run.recorder.recorder import Recorder
 from signals.latency import LatencyHistogram
 from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
@@ -49,9 +49,10 @@ from signals.time import RateAccumulator
 from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
-_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")  # in the order of `AutopilotLink.send`
+_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")  # in the order of `TickSamples`
 _OTHERS = len(_HIL_SENSOR_KINDS)
 _OTHER_KINDS = ("range_finder", "optical_flow", "external_vision", "pitot", "vane")
+_new_tuple = tuple.__new__  # without the calls of a NamedTuple's own
 _COUNTED_TICKS = 256  # whose durations are counted at once
 # Processor time is measured in every 17th tick: its clock is a system call, which takes as long as thirty readings of
 # the other. A prime, so that the ticks measured are in step with no sensor, nor with the recorder's flushes.
@@ -261,7 +262,7 @@ class Scheduler:
         for source in self._commands:
             commands += source.step(t_ns, self._frames)
 
-        t3 = clock()
+        t3 = send_start = clock()
         self._frames_ns = self._companion_ns = 0
         self._recorded = self.record_first
         if self._recorded:
@@ -270,11 +271,10 @@ class Scheduler:
             self._record(truth, self._command, released)
             if self._exchanges:
                 self._exchange_all(truth, released)
-        send_start = clock()
+            send_start = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
-        imu, mag, baro, gps = newest
-        self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, others)
+        self._sent = self._link.send(tick, t_ns, _new_tuple(TickSamples, (*newest, others)), commands)
         self._marks_ns = (began_ns, t1, t2, t3, send_start, clock())
 
     def work(self) -> None:

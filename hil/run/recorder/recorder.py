@@ -331,3 +331,9 @@ def _try_all(actions: Sequence[Callable[[], object]]) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def record_texts(recorder: Recorder, texts: Sequence[tuple[int, int, str]]) -> None:
+    """Record status texts as events: MAV_SEVERITY 0 (emergency) to 3 as errors, 4 as warnings."""
+    for t_ns, severity, text in texts:
+        recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)

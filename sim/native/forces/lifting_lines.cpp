@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "detmath.hpp"
+#include "rotation.hpp"
 
 namespace hil::sim {
 
@@ -12,14 +13,6 @@ namespace {
 
 constexpr double kLeastPivot = 1e-12;
 constexpr double kOnLine = 1e-16;  // (sine of the angle to a vortex)^2 of a point that is on its line
-
-double dot(const double *a, const double *b) { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
-
-void cross(const double *a, const double *b, double *out) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 // Adds 4 pi times the velocity at `p` of a vortex of circulation 1 from `a` to `b`.
 void add_segment(const double *a, const double *b, const double *p, double core2, double *out) {

@@ -19,8 +19,7 @@ void bind(nb::module_ &m, const char *name) {
                     rotors, {1.0 / speed_per_volt_radps, resistance_ohm, no_load_current_a, nominal_voltage_v, braking});
             },
             "rotors"_a, nb::kw_only(), "speed_per_volt_radps"_a, "resistance_ohm"_a, "no_load_current_a"_a,
-            "nominal_voltage_v"_a, "braking"_a, "The rotors of `rotors`, each with this motor; see MotorParams.")
-        .def_prop_ro("charge_c", &Driven::charge_c, "Charge drawn since the start of the tick [C].");
+            "nominal_voltage_v"_a, "braking"_a, "The rotors of `rotors`, each with this motor; see MotorParams.");
 }
 
 }  // namespace

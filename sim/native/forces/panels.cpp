@@ -25,14 +25,6 @@ constexpr double kSlipstream_mps = 30.0;  // that the bound of the damping allow
 constexpr double kDampingPerStep = 2.0;
 constexpr double kFast_mps = 3.0;         // speed of a panel at which its turn counts in full
 
-double dot(const double *a, const double *b) { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
-
-void cross(const double *a, const double *b, double *out) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 void set(PanelLanes::Lane (&lanes)[3], int at, const double *value) {
     for (int j = 0; j < 3; ++j) lanes[j][at] = value[j];
 }
@@ -364,8 +356,6 @@ const ForceBinding binding{[](nb::module_ &m) {
                      "Force of each panel where the forces were computed last.")
         .def_prop_ro("induced_mps", [](const Panels &self) { return of_lanes(self, self.lanes().induced); },
                      "Velocity w through each panel, there.")
-        .def_prop_ro("through_mps", [](const Panels &self) { return of_lanes(self, self.lanes().through); },
-                     "Velocity v through each panel with slipstreams and without w, there.")
         .def_prop_ro("along_mps", [](const Panels &self) { return of_lanes(self, self.lanes().along); },
                      "Velocity u_x of each panel with slipstreams, there.")
         .def_prop_ro(

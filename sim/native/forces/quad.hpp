@@ -1,5 +1,6 @@
-// Four or eight doubles at once, for files that are compiled once per instruction set (frame/lanes.hpp says what binds them): one
-// register of AVX for four, two of SSE2 or NEON. Eight keep twice as many operations in flight. + - * / and sqrt round the same everywhere, so results have the same bits.
+// Four or eight doubles at once, for files that are compiled once per instruction set (frame/lanes.hpp says what binds
+// them): one register of AVX for four, two of SSE2 or NEON. Eight keep twice as many operations in flight. + - * / and
+// sqrt round the same everywhere, so results have the same bits.
 #pragma once
 
 #if defined(__SSE2__)
@@ -47,30 +48,18 @@ template <int N>
 HIL_QUAD void store(double *to, const Quads<N> &q) {
     HIL_QUAD_PARTS *reinterpret_cast<QuadMemory *>(to + k * (kQuadBytes / 8)) = q.r[k];
 }
-template <int N>
-HIL_QUAD Quads<N> operator+(const Quads<N> &a, const Quads<N> &b) {
-    Quads<N> q;
-    HIL_QUAD_PARTS q.r[k] = a.r[k] + b.r[k];
-    return q;
-}
-template <int N>
-HIL_QUAD Quads<N> operator-(const Quads<N> &a, const Quads<N> &b) {
-    Quads<N> q;
-    HIL_QUAD_PARTS q.r[k] = a.r[k] - b.r[k];
-    return q;
-}
-template <int N>
-HIL_QUAD Quads<N> operator*(const Quads<N> &a, const Quads<N> &b) {
-    Quads<N> q;
-    HIL_QUAD_PARTS q.r[k] = a.r[k] * b.r[k];
-    return q;
-}
-template <int N>
-HIL_QUAD Quads<N> operator/(const Quads<N> &a, const Quads<N> &b) {
-    Quads<N> q;
-    HIL_QUAD_PARTS q.r[k] = a.r[k] / b.r[k];
-    return q;
-}
+#define HIL_QUAD_BINARY(op)                                                    \
+    template <int N>                                                           \
+    HIL_QUAD Quads<N> operator op(const Quads<N> &a, const Quads<N> &b) {      \
+        Quads<N> q;                                                            \
+        HIL_QUAD_PARTS q.r[k] = a.r[k] op b.r[k];                              \
+        return q;                                                              \
+    }
+HIL_QUAD_BINARY(+)
+HIL_QUAD_BINARY(-)
+HIL_QUAD_BINARY(*)
+HIL_QUAD_BINARY(/)
+#undef HIL_QUAD_BINARY
 template <int N>
 HIL_QUAD Quads<N> operator*(double x, const Quads<N> &a) { return splat<N>(x) * a; }
 template <int N>

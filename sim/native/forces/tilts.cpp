@@ -18,6 +18,7 @@
 
 #include "detmath.hpp"
 #include "force_binding.hpp"
+#include "rotation.hpp"
 #include "rotors.hpp"
 #include "surfaced_force.hpp"
 
@@ -26,12 +27,6 @@ namespace hil::sim {
 namespace {
 
 constexpr double kTurnPerStep = 0.1;  // rad
-
-void cross(const double *a, const double *b, double *out) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 // A rotor on a tilt.
 struct Carried {

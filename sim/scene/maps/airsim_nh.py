@@ -17,7 +17,7 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD
 from sim.scene import surfaces
-from sim.scene.maps.ground_details import Strip, covers, spots, street
+from sim.scene.maps.ground_details import Strip, covers, street
 from sim.scene.maps.layout import Point
 from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import Mesh, ribbon
@@ -204,15 +204,6 @@ class _Neighbourhood(Suburb):
             x, y = lot.at(0.5, left)
             if number % 4 == 1 and self.layout.free(x, y, 1.6):
                 add_hedge(b, x, y, lot.heading_rad + QUARTER_TURN_RAD, (1.6, 0.3, 0.5))
-
-    def lawn_details(self) -> None:
-        b, rng = self.builder, self.rng("lawn_details")
-        places = [(x, y, rng.between(0.8, 1.3), 1.0) for x, y in self.bare]
-        for lot in self.lots:
-            x, y = lot.at(rng.between(3.0, lot.depth_m - 3.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
-            places.append((x, y, rng.between(0.9, 1.7), 0.0))
-        mesh = b.mesh("worn_spots", spots(places, LAWN_M, rng))
-        b.body("lawn").geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
 
 def _add_dashes(mesh: Mesh, begin: Point, end: Point) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from signals.rotation import product
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps import textures
@@ -185,6 +184,4 @@ def add_yard_wall(
     """Add a free-standing wall."""
     body = builder.body("wall", (x, y, 0.0), yaw_quat(heading_rad))
     size = (half_length_m, height_m / 2, 0.1)
-    body.geom(
-        "box", size, pos=(0.0, 0.0, height_m / 2), quat=product((1.0, 0.0, 0.0, 0.0), _UPRIGHT), material="blockwork"
-    )
+    body.geom("box", size, pos=(0.0, 0.0, height_m / 2), quat=_UPRIGHT, material="blockwork")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from signals.rotation import product
 from signals.units import QUARTER_TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps import textures
@@ -97,8 +96,7 @@ def add_slide(builder: MapBuilder, x: float, y: float, heading_rad: float) -> No
             material="paint_yellow",
             part=f"rail_{i}",
         )
-    roof = product(yaw_quat(0.0), pitch_quat(0.0))
-    body.geom("box", (0.7, 0.7, 0.03), pos=(0.0, 0.0, 2.55), quat=roof, material="paint_blue", part="roof")
+    body.geom("box", (0.7, 0.7, 0.03), pos=(0.0, 0.0, 2.55), material="paint_blue", part="roof")
 
 
 def add_sandpit(builder: MapBuilder, x: float, y: float, half_m: float) -> None:

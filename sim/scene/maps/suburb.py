@@ -10,7 +10,7 @@ from signals.units import QUARTER_TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps import textures
 from sim.scene.maps.buildings import add_house, building_materials
-from sim.scene.maps.ground_details import ground_materials
+from sim.scene.maps.ground_details import ground_materials, spots
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.plants import plant_materials
@@ -101,6 +101,16 @@ class Suburb:
         lawn.geom(
             "box", (hx - FRONT_M, hy - FRONT_M, 0.1), pos=(0.0, 0.0, LAWN_M - 0.1), material="lawn"
         )  # fmt: skip
+
+    def lawn_details(self) -> None:
+        """Add bare spots under trees and dry patches to the lawns."""
+        b, rng = self.builder, self.rng("lawn_details")
+        places = [(x, y, rng.between(0.8, 1.3), 1.0) for x, y in self.bare]
+        for lot in self.lots:
+            x, y = lot.at(rng.between(3.0, lot.depth_m - 3.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
+            places.append((x, y, rng.between(0.9, 1.7), 0.0))
+        mesh = b.mesh("worn_spots", spots(places, LAWN_M, rng))
+        b.body("lawn").geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
     def lot(self, rng: RandomGenerator, lot: Lot, number: int) -> None:
         b = self.builder

@@ -17,7 +17,7 @@ from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene import surfaces
 from sim.scene.maps.buildings import add_block
-from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
+from sim.scene.maps.ground_details import Strip, covers, puddles, street
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
@@ -138,16 +138,6 @@ class _Suburb(Suburb):
         road.geom("mesh", asset=b.mesh("covers", covers(places, 0.015)), material="manhole", solid=False, part="covers")
         mesh = b.mesh("puddles", puddles(wet, 0.016, rng))
         road.geom("mesh", asset=mesh, material="puddle", solid=False, part="puddles")
-
-    def lawn_details(self) -> None:
-        """Add bare spots under trees and dry patches to the lawns."""
-        b, rng = self.builder, self.rng("lawn_details")
-        places = [(x, y, rng.between(0.8, 1.3), 1.0) for x, y in self.bare]
-        for lot in self.lots:
-            x, y = lot.at(rng.between(3.0, lot.depth_m - 3.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
-            places.append((x, y, rng.between(0.9, 1.7), 0.0))
-        mesh = b.mesh("worn_spots", spots(places, LAWN_M, rng))
-        b.body("lawn").geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
     def depot(self) -> None:
         """Add the middle block: a lot at ground level with a start pad, a kerb round it, the depot and its vans."""

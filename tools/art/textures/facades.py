@@ -374,7 +374,6 @@ MAKERS: dict[str, Callable[[], Image]] = {
     "office_windows": lambda: _windows(OFFICE_WINDOW_M),
     "concrete": _concrete,
     "blockwork": _blockwork,
-    "brick": _brick,
     "plaster": _plaster,
     "spall": _spall,
     "roof_tiles": _roof_tiles,

@@ -25,9 +25,8 @@ _HELD = {
 }
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
     return [
         move(
             sim, "moveByMotorPWMs",

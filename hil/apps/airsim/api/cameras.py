@@ -20,9 +20,8 @@ EXTERNAL = optional("external", BOOL, False)
 _WHERE = (CAMERA, VEHICLE, EXTERNAL)
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
     find = sim.cameras.find
 
     def info(name: str, vehicle: str, external: bool) -> dict[str, Any]:

@@ -87,9 +87,8 @@ def move(sim: Simulation, name: str, make: Callable[..., Move], *parameters: Par
     return joined(name, call, *parameters, VEHICLE)
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def options(velocity: float, timeout: float, *rest: Any) -> PathOptions:
         """Return the options of a path: drivetrain, yaw mode, lookahead, adaptive lookahead."""

@@ -25,9 +25,8 @@ _MOST_WIND_MPS = 100.0
 _FORMAT = "%Y-%m-%d %H:%M:%S"
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
     around = sim.surroundings
     clamped: set[int] = set()  # weather parameters whose range was told
 

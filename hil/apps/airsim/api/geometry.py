@@ -24,9 +24,8 @@ GEO_POINT = struct(
 )
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def to_point(point: Vector, name: str) -> bool:
         drone = sim.drone(name)

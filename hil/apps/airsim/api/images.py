@@ -49,9 +49,8 @@ REQUEST = struct(
 )
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def images(requests: list[ImageRequest], vehicle: str, external: bool) -> list[dict[str, Any]]:
         wanted = [

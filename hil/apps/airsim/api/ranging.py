@@ -16,9 +16,8 @@ from sim.frame.mount import quaternion_of_rpy
 from sim.frame.source import VEHICLE_CLASS
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def distance(name: str, vehicle: str) -> dict[str, Any]:
         _, settings, sample, stamp_ns = read_sensor(sim, kinds.Distance, "distance sensor", name, vehicle)

@@ -37,9 +37,8 @@ def named(sensor: str) -> tuple[Parameter, Parameter]:
     return optional(f"{sensor}_name", TEXT, ""), VEHICLE
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def imu(name: str, vehicle: str) -> dict[str, Any]:
         drone, _, sample, stamp_ns = read_sensor(sim, kinds.Imu, "IMU", name, vehicle)

@@ -37,9 +37,8 @@ def flight_of(drone: Drone, name: str) -> SimpleFlight:
     return drone.flight
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def enable_api_control(enabled: bool, vehicle: str) -> None:
         flight = sim.drone(vehicle).flight

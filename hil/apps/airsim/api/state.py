@@ -124,9 +124,8 @@ def rotor_states(simulation: Simulation, drone: Drone) -> dict[str, Any]:
     return {"rotors": rotors, "timestamp": simulation.now_ns}
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
     id_of = sim.cameras.segmentation.id_of
 
     def multirotor_state(name: str) -> dict[str, Any]:

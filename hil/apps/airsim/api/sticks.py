@@ -40,9 +40,8 @@ RC_DATA = struct(
 )
 
 
-def methods(simulation: Simulation) -> list[Method]:
+def methods(sim: Simulation) -> list[Method]:
     """Return the methods of this group."""
-    sim = simulation
 
     def by_manual(vx: float, vy: float, z: float, duration: float, drivetrain: int, yaw: YawMode, name: str) -> Pending:
         def make(drone: Drone) -> Move:

@@ -35,14 +35,14 @@ class Heading(NamedTuple):
 STILL = Heading(None, 0.0)
 
 
-def heading_of(mode: YawMode, drivetrain: int, course: Xy, *, least: float = ACCURACY_M) -> Heading:
-    """Return the heading for a horizontal course; one shorter than `least` does not turn the nose along."""
+def heading_of(mode: YawMode, drivetrain: int, course: Xy) -> Heading:
+    """Return the heading for a horizontal course; one shorter than ACCURACY_M does not turn the nose along."""
     if mode.is_rate:
         return Heading(None, mode.yaw_or_rate * RAD_PER_DEG)
     yaw_deg = mode.yaw_or_rate
     if drivetrain == Drivetrain.FORWARD_ONLY:
         x, y = course
-        if not sqrt(x * x + y * y) > least:
+        if not sqrt(x * x + y * y) > ACCURACY_M:
             return STILL
         yaw_deg += det_atan2(y, x) * DEG_PER_RAD
     return Heading(normalized_deg(yaw_deg) * RAD_PER_DEG, None)

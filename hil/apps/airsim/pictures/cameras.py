@@ -53,7 +53,7 @@ class Wanted(NamedTuple):
 
 
 class Cameras:
-    """Cameras of one server. `quality`: level of their colour (sim.frame.quality)."""
+    """Cameras of one server."""
 
     def __init__(
         self,
@@ -64,12 +64,10 @@ class Cameras:
         *,
         world_frame: NedFrame,
         find_drone: Callable[[str], Drone],
-        quality: str = "high",
     ) -> None:
         """`find_drone` returns a vehicle by name, and raises RpcError if there is none."""
         self._world, self._frames, self._surroundings = world, frames, surroundings
         self._origin, self._find_drone = settings.origin, find_drone
-        self._quality = QUALITIES[quality]
         self._cameras: dict[tuple[str, str], ServedCamera] = {}
         self._external = {
             name: ServedCamera(name, each, None, world_frame) for name, each in settings.external_cameras.items()
@@ -194,7 +192,7 @@ class Cameras:
 
     def _make(self, frames: SharedFrames, view: _View) -> FrameRenderer:
         _, model, exposure_ev, colour = view
-        level = self._quality
+        level = QUALITIES["high"]
         planes_m = (NEAR_M, FAR_M)
         large = model.width * model.height > _LARGE_PIXELS
         execution = Execution(threads=min(os.cpu_count() or 1, 16) if large else 1)

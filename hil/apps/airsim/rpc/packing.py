@@ -11,11 +11,12 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-_FLOAT32 = struct.Struct(">Bf")
-_FLOAT64 = struct.Struct(">Bd")
+_PACKER = msgpack.Packer(use_single_float=True, unicode_errors="surrogateescape")
+_DOUBLES = msgpack.Packer()
 _FLOAT32_MAX = 3.4028235677973366e38  # half a step above the greatest float32
 _FLOAT_ITEM = np.dtype([("code", "u1"), ("value", ">f4")])
 _INT_ITEM = np.dtype([("code", "u1"), ("value", ">i4")])
@@ -49,27 +50,23 @@ def _put(out: bytearray, value: Any) -> None:
     elif isinstance(value, np.integer | int):  # an enumeration is an int
         _put_int(out, int(value))
     elif isinstance(value, str):
-        _put_str(out, str(value))
+        _put_plain(out, str(value))
     else:
         raise TypeError(f"a reply cannot hold a {type(value).__name__}")
 
 
-def _put_none(out: bytearray, value: None) -> None:  # noqa: ARG001
-    out.append(0xC0)
-
-
-def _put_bool(out: bytearray, value: bool) -> None:
-    out.append(0xC3 if value else 0xC2)
+def _put_plain(out: bytearray, value: Any) -> None:
+    out += _PACKER.pack(value)
 
 
 def _put_float(out: bytearray, value: float) -> None:
     if abs(value) >= _FLOAT32_MAX:  # NaN passes
         value = float("inf") if value > 0.0 else float("-inf")
-    out += _FLOAT32.pack(0xCA, value)
+    out += _PACKER.pack(value)
 
 
 def _put_double(out: bytearray, value: Double) -> None:
-    out += _FLOAT64.pack(0xCB, value)
+    out += _DOUBLES.pack(value)
 
 
 def _put_int(out: bytearray, value: int) -> None:
@@ -85,48 +82,14 @@ def _put_int(out: bytearray, value: int) -> None:
         out += struct.pack(">Bq", 0xD3, value)
 
 
-def _put_str(out: bytearray, value: str) -> None:
-    data = value.encode("utf-8", "surrogateescape")
-    n = len(data)
-    if n < 32:
-        out.append(0xA0 | n)
-    elif n < 1 << 8:
-        out += struct.pack(">BB", 0xD9, n)
-    elif n < 1 << 16:
-        out += struct.pack(">BH", 0xDA, n)
-    else:
-        out += struct.pack(">BI", 0xDB, n)
-    out += data
-
-
-def _put_bytes(out: bytearray, value: bytes | bytearray | memoryview) -> None:
-    n = len(value)
-    if n < 1 << 8:
-        out += struct.pack(">BB", 0xC4, n)
-    elif n < 1 << 16:
-        out += struct.pack(">BH", 0xC5, n)
-    else:
-        out += struct.pack(">BI", 0xC6, n)
-    out += value
-
-
-def _put_head(out: bytearray, n: int, small: int, code: int) -> None:
-    if n < 16:
-        out.append(small | n)
-    elif n < 1 << 16:
-        out += struct.pack(">BH", code, n)
-    else:
-        out += struct.pack(">BI", code + 1, n)
-
-
 def _put_array(out: bytearray, value: Sequence[Any]) -> None:
-    _put_head(out, len(value), 0x90, 0xDC)
+    out += _PACKER.pack_array_header(len(value))
     for item in value:
         _put(out, item)
 
 
 def _put_map(out: bytearray, value: Mapping[Any, Any]) -> None:
-    _put_head(out, len(value), 0x80, 0xDE)
+    out += _PACKER.pack_map_header(len(value))
     for key, item in value.items():
         _put(out, key)
         _put(out, item)
@@ -135,7 +98,7 @@ def _put_map(out: bytearray, value: Mapping[Any, Any]) -> None:
 def _put_numbers(out: bytearray, value: NDArray[Any]) -> None:
     if value.ndim != 1:
         raise TypeError(f"a reply cannot hold an array of shape {value.shape}")
-    _put_head(out, len(value), 0x90, 0xDC)
+    out += _PACKER.pack_array_header(len(value))
     floating = value.dtype.kind == "f"
     items = np.empty(len(value), _FLOAT_ITEM if floating else _INT_ITEM)
     items["code"] = 0xCA if floating else 0xD2
@@ -144,15 +107,15 @@ def _put_numbers(out: bytearray, value: NDArray[Any]) -> None:
 
 
 _PUT: dict[type, Callable[[bytearray, Any], None]] = {
-    type(None): _put_none,
-    bool: _put_bool,
+    type(None): _put_plain,
+    bool: _put_plain,
     int: _put_int,
     float: _put_float,
     Double: _put_double,
-    str: _put_str,
-    bytes: _put_bytes,
-    bytearray: _put_bytes,
-    memoryview: _put_bytes,
+    str: _put_plain,
+    bytes: _put_plain,
+    bytearray: _put_plain,
+    memoryview: _put_plain,
     list: _put_array,
     tuple: _put_array,
     dict: _put_map,

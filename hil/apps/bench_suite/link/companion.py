@@ -123,13 +123,13 @@ def _fly(
     return run
 
 
-def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement = "shared_memory") -> tuple[int, int]:
+def differing_arrays(folder: Path, *, seconds: float) -> tuple[int, int]:
     """Return how many received pictures and clouds differ from the bench's recording, and how many were compared.
 
     Raises HilError if the flight ends as ERROR or the client recorded no arrays.
     """
     out, received = folder / "compared", folder / "compared" / "client"
-    _fly(out, arrangement, seconds, "record", mcap=True, settings={"out": str(received)})
+    _fly(out, "shared_memory", seconds, "record", mcap=True, settings={"out": str(received)})
     pictures: dict[tuple[str, int], NDArray[Any]] = {}
     clouds: dict[int, tuple[int, bytes]] = {}  # by number of the sweep: when it began, and its points
     for message in read_messages(out / "run" / MCAP_NAME):

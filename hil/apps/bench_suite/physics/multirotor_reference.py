@@ -24,6 +24,14 @@ from sim.scene.scene import Site
 Float64 = NDArray[np.float64]
 AIR_DENSITY = 1.225
 TOLERANCE = 1e-14
+# Adams, functional iteration: nothing is stiff, and |a| has no Jacobian at a = 0.
+CVODES: dict[str, Any] = {
+    "abstol": TOLERANCE,
+    "reltol": TOLERANCE,
+    "max_num_steps": 1_000_000,
+    "linear_multistep_method": "adams",
+    "nonlinear_solver_iteration": "functional",
+}
 
 
 @dataclass
@@ -72,16 +80,8 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
         ]
     )
     problem, roots = _equations(vehicle, gravity_mps2, inputs, whirling=bool(whirl.any()))
-    # Adams, functional iteration: nothing is stiff, and |a| has no Jacobian at a = 0.
-    options: dict[str, Any] = {
-        "abstol": TOLERANCE,
-        "reltol": TOLERANCE,
-        "max_num_steps": 1_000_000,
-        "linear_multistep_method": "adams",
-        "nonlinear_solver_iteration": "functional",
-    }
     # One call a tick: the solver must not step across a change of its inputs.
-    solver = ca.integrator("reference", "cvodes", problem, 0.0, tick_s, options)
+    solver = ca.integrator("reference", "cvodes", problem, 0.0, tick_s, CVODES)
     inertia = np.diag(vehicle.inertia_kgm2)
     R0 = matrix_of_quaternion(start[3:7])
     momentum = R0 @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13:]))

@@ -21,11 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density, with_inflow
-from hil.apps.bench_suite.physics.multirotor_reference import (
-    TOLERANCE,
-    matrix_of_quaternion,
-    quaternion_like,
-)
+from hil.apps.bench_suite.physics.multirotor_reference import CVODES, matrix_of_quaternion, quaternion_like
 from hil.apps.bench_suite.physics.panels_reference import Flight, Stream, panels
 from sim.physics.forces.aero_table import AeroTable, Lateral
 from sim.physics.forces.panels import Panels
@@ -54,14 +50,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: PlaneInputs, *, tick_s: float,
     n = len(vehicle.rotors)
     servos = [_Servo(servo) for servo in vehicle.servos]
     problem, roots = _equations(vehicle, gravity_mps2, inputs.site)
-    options: dict[str, Any] = {
-        "abstol": TOLERANCE,
-        "reltol": TOLERANCE,
-        "max_num_steps": 1_000_000,
-        "linear_multistep_method": "adams",
-        "nonlinear_solver_iteration": "functional",
-    }
-    solver = ca.integrator("reference", "cvodes", problem, 0.0, 1.0, options)
+    solver = ca.integrator("reference", "cvodes", problem, 0.0, 1.0, CVODES)
     inertia = vehicle.inertia_tensor_kgm2
     R = matrix_of_quaternion(start[3:7])
     momentum = R @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13 : 13 + n], start[13 + n :]))

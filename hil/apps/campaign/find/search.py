@@ -15,7 +15,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from itertools import cycle
-from typing import Any, Literal
+from typing import Any
 
 from hil.apps.campaign.cases.campaign_file import CampaignFile, Range
 from hil.apps.campaign.cases.distributions import Distribution
@@ -32,8 +32,6 @@ SAMPLERS = ("tpe", "gp", "random")
 _INSIDE = 2.0**-53  # of the open interval of probabilities
 _STARTUP = 10  # trials before the model of TPE has a say
 _GOOD = 2  # trials that TPE's model calls good
-
-Sampler = Literal["tpe", "gp", "random"]
 
 
 class Search:

@@ -93,18 +93,13 @@ def _inputs(grid: Grid, delay_s: float, step_s: float) -> Array:
 class Predictor:
     """A vehicle's model with its filter, for logs of one kind."""
 
-    def __init__(
-        self, vehicle: Vehicle, kind: str, *, step_s: float = 0.01, noise: FilterNoise | None = None,
-        s: Array | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, vehicle: Vehicle, kind: str, *, step_s: float = 0.01) -> None:
         unknowns = at.vehicle_unknowns(vehicle)
         # `delayed`: the filter learns the delay.
         self.model: FlightModel = make_model(vehicle, unknowns, kind=kind, step_s=step_s, delayed=True)  # type: ignore[arg-type]
-        self.noise = noise or FilterNoise()
+        self.noise = FilterNoise()
         self.nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0
         self._s = np.zeros(at.VEHICLE_COUNT + at.LOG_COUNT)
-        if s is not None:
-            self._s[: at.VEHICLE_COUNT] = s[: at.VEHICLE_COUNT]
         self._first_delay_s = FIRST_DELAY_S[kind]
 
     def track(self, grid: Grid) -> Track:
@@ -169,18 +164,18 @@ class Predictor:
 
 
 def predictions(
-    predictor: Predictor, logs: Sequence[FlightLog], *, horizons_s: Sequence[float] = HORIZONS_S, every: int = 1,
+    predictor: Predictor, logs: Sequence[FlightLog], *, every: int = 1,
     part: Callable[[FlightLog, Array], NDArray[np.bool_]] | None = None,
 ) -> list[Prediction]:  # fmt: skip
     """Return the mean errors of each log at each horizon."""
     grid = Grid.of(logs, predictor.model.step_s, predictor.nominal_v)
     found = predictor.track(grid)
-    steps = [max(1, round(h / predictor.model.step_s)) for h in horizons_s]
+    steps = [max(1, round(h / predictor.model.step_s)) for h in HORIZONS_S]
     out = []
     for j, log in enumerate(logs):
         chosen = None if part is None else (lambda t, log=log: part(log, t))
         errors = predictor.errors(grid, found, j, horizons=steps, every=every, part=chosen)
-        for horizon_s, h in zip(horizons_s, steps, strict=True):
+        for horizon_s, h in zip(HORIZONS_S, steps, strict=True):
             e = errors[h]
             mean = e.mean(axis=1) if e.shape[1] else np.full(4, np.nan)
             rate = float(mean[3]) if log.rate is not None else float("nan")

@@ -183,7 +183,6 @@ class Solution:
     groups: list[Group]
     cost: float
     unexplained: Array
-    iterations: int
 
 
 def _part(number: int) -> NDArray[np.int64]:
@@ -240,7 +239,7 @@ def solve(
 
     parts = [sums(model, g, s[_part(g.windows.number)], workers) for g in groups]
     cost = total(parts, s)
-    n, iteration = len(s), 0
+    n = len(s)
     for iteration in range(1, most + 1):
         progress(iteration / (most + 1), f"iteration {iteration}")
         A, b, inner = np.diag(prior_weight), prior_weight * s, []
@@ -300,12 +299,12 @@ def solve(
             set_priors()
             parts = [sums(model, g, s[_part(g.windows.number)], workers) for g in groups]
             cost = total(parts, s)
-    return _with_covariance(groups, parts, s, prior_weight, free, cost, wander, iteration)
+    return _with_covariance(groups, parts, s, prior_weight, free, cost, wander)
 
 
 def _with_covariance(
     groups: list[Group], parts: list[Sums], s: Array, prior_weight: Array,
-    free: NDArray[np.bool_], cost: float, unexplained: Array, iterations: int,
+    free: NDArray[np.bool_], cost: float, unexplained: Array,
 ) -> Solution:  # fmt: skip
     n = len(s)
     A, scores = np.diag(prior_weight), []
@@ -331,4 +330,4 @@ def _with_covariance(
         variance = np.maximum(variance, np.diag(robust))
     scale = np.sqrt(np.maximum(1.0, variance / np.maximum(np.diag(covariance), 1e-300)))
     covariance = covariance * scale[:, None] * scale[None, :]
-    return Solution(s, covariance, A, groups, cost, unexplained, iterations)
+    return Solution(s, covariance, A, groups, cost, unexplained)

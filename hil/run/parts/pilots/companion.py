@@ -14,9 +14,9 @@ from hil.run.companion.files import TIMING_NAME, read_timing
 from hil.run.companion.link import CompanionLink
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
-from hil.run.offboard import is_out_of_time, offboard_pilot, why_unflown, why_unlanded
+from hil.run.offboard import PilotedPart, is_out_of_time, offboard_pilot, why_unflown, why_unlanded
 from hil.run.part import Part, RunContext
-from hil.run.parts.pilots.mission import is_falling, record_texts
+from hil.run.parts.pilots.mission import is_falling
 from hil.run.report.page import Report
 from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
@@ -27,13 +27,12 @@ _STALE_S, _STALE_FRAMES = 1.0, 2.5
 _MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 
-class CompanionPart(Part):
+class CompanionPart(PilotedPart):
     name = "companion"
     _run: RunContext  # from `open` on
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._pilot: OffboardPilot | None = None
         self._outcomes: dict[str, str] = {}  # by client, as last reported
         self._out_of_time = False
         self.link: CompanionLink | None = None
@@ -72,7 +71,7 @@ class CompanionPart(Part):
         return self.link.stage(AnswerCallbacks(desire, self._reported, self._detected))
 
     def ended(self) -> bool:
-        return self._pilot is not None and self._pilot.phase.value == "done" and not is_falling(self._run)
+        return super().ended() and not is_falling(self._run)
 
     def conclude(self, run: RunContext) -> None:
         self._out_of_time = is_out_of_time(run)
@@ -85,9 +84,6 @@ class CompanionPart(Part):
     def close(self) -> None:
         if self.link is not None:
             self.link.close("ERROR" if sys.exc_info()[0] is not None else "over")
-
-    def finish(self, run: RunContext) -> None:
-        record_texts(run.recorder, self.texts())
 
     def verdict(self) -> Verdict:
         """Return FAIL for a flight without its companions: one was lost for good, or the one in control never flew.
@@ -134,12 +130,6 @@ class CompanionPart(Part):
             return False
         self.link.inject(fault, self._run.now_ns())
         return True
-
-    def phase(self) -> str:
-        return "" if self._pilot is None else self._pilot.phase.value
-
-    def texts(self) -> list[tuple[int, int, str]]:
-        return [] if self._pilot is None else self._pilot.statustexts
 
     # -- callbacks of the link ------------------------------------------------------------------------------------
 

@@ -27,9 +27,8 @@ from hil.config import Bench
 from hil.run.follow.course import RATE_HZ, measured_velocity, pose_at, sampled
 from hil.run.follow.difference import Motion, delay_s, differences, greatest, rms
 from hil.run.follow.flight import FollowedFlight, followed_flight, refuse_obstacle
-from hil.run.offboard import offboard_pilot
+from hil.run.offboard import PilotedPart, offboard_pilot
 from hil.run.part import Part, RunContext
-from hil.run.parts.pilots.mission import record_texts
 from hil.run.report.page import Report
 from hil.run.verdict.clearance import Clearance, vehicle_radius_m
 from hil.run.verdict.verdict import Row, Verdict
@@ -59,7 +58,7 @@ _JUDGED = (  # key of the section, reason, unit
 )
 
 
-class FollowPart(Part):
+class FollowPart(PilotedPart):
     name = "follow"
     _run: RunContext  # from `open` on
 
@@ -78,7 +77,6 @@ class FollowPart(Part):
             w_WB_B=np.full_like(course.p_W, np.nan) if rate is None else rate,
         )
         self._log_hash = _digest(log.source)
-        self._pilot: OffboardPilot | None = None
         self._climbed_ns: int | None = None
         self._there_ns: int | None = None  # since when it is at the first set-point
         self._began_ns: int | None = None
@@ -169,18 +167,6 @@ class FollowPart(Part):
             k, due_ns, truth.t_ns, _vec3(real.p_WB[k]), (w, x, y, z), _vec3(real.v_WB_W[k]), _vec3(real.w_WB_B[k]), p
         )
         self._run.recorder.sample(PORT, sample)
-
-    def ended(self) -> bool:
-        return self._pilot is not None and self._pilot.phase is Phase.DONE
-
-    def finish(self, run: RunContext) -> None:
-        record_texts(run.recorder, self.texts())
-
-    def phase(self) -> str:
-        return "" if self._pilot is None else self._pilot.phase.value
-
-    def texts(self) -> list[tuple[int, int, str]]:
-        return [] if self._pilot is None else self._pilot.statustexts
 
     # -- the results ------------------------------------------------------------------------------------------------
 

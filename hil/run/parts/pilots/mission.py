@@ -9,7 +9,7 @@ from firmware_bridge.ground_station.station import GroundStation
 from hil.config import Bench
 from hil.run.autopilot import grid_ns
 from hil.run.part import Part, RunContext
-from hil.run.recorder.recorder import Recorder
+from hil.run.recorder.recorder import record_texts
 from hil.run.verdict.verdict import REST_SPEED_MPS
 from signals.rotation import norm
 
@@ -64,12 +64,6 @@ def is_falling(run: RunContext | None) -> bool:
     """
     truth = None if run is None else run.scheduler.truth
     return truth is not None and not truth.in_contact and norm(truth.v_WB_W) > REST_SPEED_MPS
-
-
-def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
-    """Record status texts as events: MAV_SEVERITY 0 (emergency) to 3 as errors, 4 as warnings."""
-    for t_ns, severity, text in texts:
-        recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
 
 
 def _expecting(bench: Bench, station: GroundStation) -> GroundStation:

@@ -150,17 +150,13 @@ def test_state_line_is_what_sitl_demands():
 def test_optional_fields_are_read_and_do_not_affect_the_others():
     full = LEVEL._replace(
         ranges_m=(0.5, 1.5, 2.5, 3.5, 4.5, 5.5),
-        wind_N_mps=(7.0, 8.0, 9.0),
         airspeed_mps=11.0,
         windvane=(0.75, 12.0),
-        battery=(15.5, 20.25),
     )
     found = as_sitl_reads(encode_state(full))
     assert {key: found[key] for key in as_sitl_reads(encode_state(LEVEL))} == as_sitl_reads(encode_state(LEVEL))
     assert [found[f"rng_{i}"] for i in range(1, 7)] == [0.5, 1.5, 2.5, 3.5, 4.5, 5.5]
-    assert found["velocity_wind"] == [7.0, 8.0, 9.0]
     assert (found["airspeed"], found["direction"], found["speed"]) == (11.0, 0.75, 12.0)
-    assert (found["voltage"], found["current"]) == (15.5, 20.25)
     for absent in ("attitude", "latitude", "altitude", "no_time_sync", "no_lockstep", "rc_1"):
         assert absent not in found
     with pytest.raises(CodecError, match="range finders"):
@@ -168,7 +164,7 @@ def test_optional_fields_are_read_and_do_not_affect_the_others():
 
 
 def test_a_key_that_contains_another_comes_after_it():
-    line = encode_state(LEVEL._replace(wind_N_mps=(7.0, 8.0, 9.0), airspeed_mps=1.0, windvane=(0.0, 2.0))).decode()
+    line = encode_state(LEVEL._replace(airspeed_mps=1.0, windvane=(0.0, 2.0))).decode()
     keys = re.findall(r'"(\w+)":', line)
     for i, key in enumerate(keys):
         for earlier in keys[:i]:
@@ -221,10 +217,8 @@ def test_sitls_integer_clock_keeps_to_the_benchs(tick_ns, start_tick):
         (lambda x: {"v_NF_N": (0.0, x, -x)}, r"v_NF_N\[1\].*v_NF_N\[2\]"),
         (lambda x: {"q_NF": (1.0, 0.0, 0.0, x)}, r"q_NF\[3\]"),
         (lambda x: {"ranges_m": (1.0, x)}, r"ranges_m\[1\]"),
-        (lambda x: {"wind_N_mps": (x, 0.0, 0.0)}, r"wind_N_mps\[0\]"),
         (lambda x: {"airspeed_mps": x}, r"airspeed_mps = "),
         (lambda x: {"windvane": (0.0, x)}, r"windvane\[1\]"),
-        (lambda x: {"battery": (x, 0.0)}, r"battery\[0\]"),
     ],
 )
 def test_values_that_are_not_finite_are_not_sent(bad, changed, name):

@@ -11,8 +11,7 @@ from hil.apps.view.command import load_frames
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState
 from sim.scene.scene import Site
-from sim.sensors.catalog import make_sensor
-from sim.sensors.sensor import Installation
+from tests.worlds.installed_sensor import installed
 from tests.worlds.slam_yard import HEIGHT_M, IMU_NS, RINGS_DEG, Circle, wall_distance_m
 
 from hil_companion.explore.mapping.sweep import FreshSweeps  # isort: skip
@@ -117,9 +116,7 @@ def test_rings_that_look_elsewhere_than_told_say_nothing_by_beams_without_echo()
 def test_rings_of_the_benchs_lidars_look_where_clients_are_told() -> None:
     scene, _, frames = load_frames("airfield", None)
     for preset in ("vlp16", "os1_64", "hdl32e"):
-        lidar: Any = make_sensor(
-            Installation("lidar", rate_hz=10.0, seed=1, scene=scene, step_ns=4_000_000, frames=frames), preset=preset
-        )
+        lidar: Any = installed("lidar", scene, preset=preset, frames=frames)
         zero = (0.0, 0.0, 0.0)
         truth = TruthState(25, 100_000_000, (0.0, 0.0, 4.0), (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
         cloud = lidar.sample(truth, 0)

@@ -16,9 +16,9 @@ from sim.frame.source import SharedFrames
 from sim.gnss.signal_paths import SignalPaths
 from sim.gnss.surroundings import Surroundings
 from sim.scene.scene import Scene, load_scene
-from sim.sensors.catalog import PRESETS, make_sensor
-from sim.sensors.sensor import Installation
+from sim.sensors.catalog import PRESETS
 from sim.world_loader import load_world
+from tests.worlds.installed_sensor import installed
 from tests.worlds.street_canyon import at, canyon, frames_of, one_wall, receiver_in
 
 GPS = sorted(name for name, preset in PRESETS.items() if preset.kind == "gps")
@@ -245,11 +245,7 @@ def test_a_reported_accuracy_covers_the_error_in_a_canyon() -> None:
 def test_without_geometry_a_sky_is_refused() -> None:
     scene: Scene = load_scene("airfield")
     with pytest.raises(ValueError, match="needs the world's geometry"):
-        make_sensor(
-            Installation("gps", rate_hz=5.0, seed=1, scene=scene, step_ns=4_000_000),
-            preset="m8n",
-            overrides={"sky": {}},
-        )
+        installed("gps", scene, preset="m8n", overrides={"sky": {}}, rate_hz=5.0)
 
 
 def test_terrain_hides_satellites(tmp_path: Path) -> None:
@@ -260,11 +256,7 @@ def test_terrain_hides_satellites(tmp_path: Path) -> None:
     )
     scene = load_scene(tmp_path / "hill.xml")
     world = load_world(scene)
-    gps = make_sensor(
-        Installation("gps", rate_hz=5.0, seed=1, scene=scene, step_ns=4_000_000, frames=SharedFrames(world)),
-        preset="f9p",
-        overrides={"sky": {}},
-    )
+    gps = installed("gps", scene, preset="f9p", overrides={"sky": {}}, rate_hz=5.0, frames=SharedFrames(world))
     p_W = (0.0, 20.0, 2.0)
     gps.sample(at(p_W), 0)
     views = gps.receiver.views

@@ -24,11 +24,11 @@ from sim.frame.source import Renderer, SharedFrames
 from sim.radar.processing.processor import Processor
 from sim.scene.scene import load_scene
 from sim.sensors.camera import Camera
-from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.catalog import PRESETS
 from sim.sensors.radar import Radar
 from sim.sensors.radar_parameters import RadarParameters
-from sim.sensors.sensor import Installation
 from sim.world_loader import load_world
+from tests.worlds.installed_sensor import installed
 from tests.worlds.synthetic_flight import TICK_NS, decoded, make_flight
 
 SCENE = load_scene("radar_range")
@@ -60,10 +60,8 @@ class _Counted:
 
 def made(name: str, preset: str, frames: SharedFrames | None, shared: SharedPicture | None, **values: Any) -> Any:
     seed, rate_hz = values.pop("seed", 1), values.pop("rate_hz", 10.0)
-    return make_sensor(
-        Installation(name, rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, frames=frames, shared=shared),
-        preset=preset,
-        overrides=values,
+    return installed(
+        name, SCENE, preset=preset, overrides=values, rate_hz=rate_hz, seed=seed, frames=frames, shared=shared
     )
 
 

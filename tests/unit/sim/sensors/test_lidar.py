@@ -15,12 +15,11 @@ from signals.samples import PointCloudSample, TruthState
 from sim.frame.geometry import FrameGeometry
 from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_echo import choose_echoes
-from sim.sensors.sensor import Installation
 from sim.sensors.sweep_motion import sweep_motion
 from sim.world_loader import load_world
+from tests.worlds.installed_sensor import installed
 from tests.worlds.mjcf_world import ModelFrames, compiled, truth_at
 from tests.worlds.rotation_matrices import rotation
 
@@ -50,11 +49,7 @@ def frames_of(mjcf: str, **options: Any) -> ModelFrames:
 
 def lidar(frames: Any, *, name: str = "lidar", seed: int = 1, preset: str = "vlp16", **overrides: Any) -> Lidar:
     values = ({"pattern": FAN} if preset == "vlp16" else {}) | overrides
-    made = make_sensor(
-        Installation(name, rate_hz=10.0, seed=seed, scene=SCENE, step_ns=4_000_000, frames=frames),
-        preset=preset,
-        overrides=values,
-    )
+    made = installed(name, SCENE, preset=preset, overrides=values, seed=seed, frames=frames)
     assert isinstance(made, Lidar)
     return made
 

@@ -13,11 +13,10 @@ from sim.scene.light import Light
 from sim.scene.scene import load_scene
 from sim.scene.surfaces import NUMBER_PLATE, SIGN_SHEETING, SURFACES
 from sim.scene.weather import Weather
-from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_retro import Retroreflectors, falloff
-from sim.sensors.sensor import Installation
 from sim.world_loader import load_world
+from tests.worlds.installed_sensor import installed
 from tests.worlds.mjcf_world import ModelFrames, compiled, truth_at
 
 T_NS = 100_000_000
@@ -33,11 +32,7 @@ AHEAD_OF_IT = Light(sun_azimuth_deg=90.0, sun_elevation_deg=1.0)
 def lidar(mjcf: str, light: Light, reflectivity: float = 0.5, weather: Weather | None = None, **more: Any) -> Lidar:
     scene = load_scene("airfield").model_copy(update={"light": light, "weather": weather or Weather()})
     frames: Any = ModelFrames(*compiled(mjcf), reflectivity={"wall": reflectivity})
-    made = make_sensor(
-        Installation("lidar", rate_hz=10.0, seed=1, scene=scene, step_ns=4_000_000, frames=frames),
-        preset="vlp16",
-        overrides=EXACT | {"rolling": False} | more,
-    )
+    made = installed("lidar", scene, preset="vlp16", overrides=EXACT | {"rolling": False} | more, frames=frames)
     assert isinstance(made, Lidar)
     return made
 
@@ -71,10 +66,12 @@ def street_sweep(*, retroreflectors: bool) -> tuple[Any, PointCloudSample, Lidar
     from sim.frame.source import SharedFrames
 
     frames = SharedFrames(world)
-    made = make_sensor(
-        Installation("lidar", rate_hz=10.0, seed=1, scene=world.scene, step_ns=4_000_000, frames=frames),
+    made = installed(
+        "lidar",
+        world.scene,
         preset="os1_64",
         overrides={"rolling": False, "retroreflectors": retroreflectors},
+        frames=frames,
     )
     assert isinstance(made, Lidar)
     return world, made.sample(truth_at(T_NS, p_WB=(0.0, 0.0, 1.5)), 0), made

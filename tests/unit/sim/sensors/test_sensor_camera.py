@@ -16,6 +16,7 @@ from sim.sensors.camera import Camera
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.faults import FAULT_LIST, FaultySensor, fault_problems
 from sim.sensors.sensor import Installation
+from tests.worlds.installed_sensor import installed
 from tests.worlds.spheres_world import FormulaFrames
 
 TICK_NS = 4_000_000
@@ -28,10 +29,8 @@ CAMERAS = sorted(name for name, preset in PRESETS.items() if preset.kind == "cam
 
 def camera(frames: FormulaFrames | None = None, *, seed: int = 1, name: str = "front", **values: Any) -> Camera:
     overrides = {"resolution": (64, 48), "channels": ("rgb", "depth")} | values
-    made = make_sensor(
-        Installation(name, rate_hz=10.0, seed=seed, scene=SCENE, step_ns=TICK_NS, frames=frames or FormulaFrames()),
-        preset="camera_320x240",
-        overrides=overrides,
+    made = installed(
+        name, SCENE, preset="camera_320x240", overrides=overrides, seed=seed, frames=frames or FormulaFrames()
     )
     assert isinstance(made, Camera)
     return made

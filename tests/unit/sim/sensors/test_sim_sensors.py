@@ -22,11 +22,12 @@ from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.atmosphere import geopotential_m, pressure_pa
 from sim.scene.scene import Scene, Site, load_scene
-from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.catalog import KINDS, PRESETS
 from sim.sensors.drift import gauss_markov
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 from sim.sensors.rounding import rounded
 from sim.sensors.sensor import Installation
+from tests.worlds.installed_sensor import installed
 from tests.worlds.rotation_matrices import rotation
 
 TICK_NS = 4_000_000
@@ -73,11 +74,7 @@ NOISELESS: dict[str, dict[str, Any]] = {
 
 def sensor(preset: str, *, seed: int = 1, name: str = "s", scene: Scene = SCENE, **overrides: Any) -> Any:
     kind = PRESETS[preset].kind
-    return make_sensor(
-        Installation(name, rate_hz=RATE_HZ.get(kind, 50.0), seed=seed, scene=scene, step_ns=TICK_NS),
-        preset=preset,
-        overrides=overrides,
-    )
+    return installed(name, scene, preset=preset, overrides=overrides, rate_hz=RATE_HZ.get(kind, 50.0), seed=seed)
 
 
 def at_rest(**changes: Any) -> TruthState:
@@ -261,26 +258,22 @@ def test_every_noise_has_the_name_of_its_sensor_and_is_used_once(monkeypatch: py
 
 def test_config_errors_are_found() -> None:
     with pytest.raises(KeyError):
-        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), preset="here_pluss")
+        installed("x", SCENE, preset="here_pluss")
     with pytest.raises(ValueError, match="not a imu"):
-        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), preset="ms5611", kind="imu")
+        installed("x", SCENE, preset="ms5611", kind="imu")
     with pytest.raises(ValueError, match="preset or a kind"):
-        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS))
+        installed("x", SCENE)
     with pytest.raises(pydantic.ValidationError, match="noise_paa"):
         sensor("ms5611", noise_paa=1.0)
     with pytest.raises(pydantic.ValidationError, match="latency_s"):
         sensor("ms5611", latency_s=-1.0)
     with pytest.raises(pydantic.ValidationError):
-        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), kind="gps")
+        installed("x", SCENE, kind="gps")
 
 
 def test_a_kind_with_all_its_parameters_needs_no_preset() -> None:
     for preset in PRESETS.values():
         if KINDS[preset.kind].needs_frames:
             continue
-        made = make_sensor(
-            Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS),
-            kind=preset.kind,
-            overrides=preset.parameters.model_dump(),
-        )
+        made = installed("x", SCENE, kind=preset.kind, overrides=preset.parameters.model_dump())
         assert isinstance(made, KINDS[preset.kind].sensor)

@@ -16,8 +16,8 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import PRESETS, make_sensor
-from sim.sensors.sensor import Installation
+from sim.sensors.catalog import PRESETS
+from tests.worlds.installed_sensor import installed
 
 TICK_NS = 4_000_000
 DT = TICK_NS * 1e-9
@@ -44,11 +44,7 @@ WORD = 1e-6  # more than a word of the above
 
 
 def imu(rate_hz: float = 250.0, *, seed: int = 1, **changes: Any) -> Any:
-    return make_sensor(
-        Installation("imu", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS),
-        kind="imu",
-        overrides=IDEAL | changes,
-    )
+    return installed("imu", SCENE, kind="imu", overrides=IDEAL | changes, rate_hz=rate_hz, seed=seed)
 
 
 @pytest.mark.parametrize("preset", IMUS)
@@ -63,12 +59,7 @@ def test_the_noise_path_is_what_sample_adds(preset: str) -> None:
             *(["turn_on_bias_mps2"] if what == "accel" else ["turn_on_bias_radps"]),
         )
     }
-    made = [
-        make_sensor(
-            Installation("i", rate_hz=250.0, seed=4, scene=SCENE, step_ns=TICK_NS), preset=preset, overrides=changes
-        )
-        for _ in range(3)
-    ]
+    made = [installed("i", SCENE, preset=preset, overrides=changes, rate_hz=250.0, seed=4) for _ in range(3)]
     noise = made[0].noise(0, 1000)  # type: ignore[attr-defined]
     warm = STILL._replace(t_ns=10**15)  # the temperature has settled
     force = np.array([0.0, 0.0, G, 0.0, 0.0, 0.0])

@@ -15,11 +15,11 @@ from signals.errors import ConfigError
 from signals.samples import SAMPLE_FIELDS, FlowSample, RangeSample, TruthState, arrays_of
 from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.catalog import KINDS, PRESETS
 from sim.sensors.presets import PRESET_DIR, PresetFolder
-from sim.sensors.sensor import Installation
 from sim.world_loader import load_world
 from tests.unit.sim.sensors.test_sim_sensors import RATE_HZ, sensor
+from tests.worlds.installed_sensor import installed
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
@@ -150,14 +150,10 @@ def test_what_sees_the_world_gives_the_same_bytes_for_the_same_seed_and_shares_n
 ) -> None:
     def made(name: str = "s", seed: int = 1) -> Any:
         values = WITH_NOISE[PRESETS[preset].kind]
-        return make_sensor(
-            Installation(name, rate_hz=10.0, seed=seed, scene=SCENE, step_ns=TICK_NS, frames=frames),
-            preset=preset,
-            overrides=values,
-        )
+        return installed(name, SCENE, preset=preset, overrides=values, seed=seed, frames=frames)
 
     with pytest.raises(ValueError, match=r"'s'.*frames"):
-        make_sensor(Installation("s", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), preset=preset)
+        installed("s", SCENE, preset=preset)
     a, b, neighbour = made(), made(), made("t")
     samples = []
     for k in range(3):

@@ -15,10 +15,8 @@ from signals.samples import TruthState
 from sim._kernels import BoxScene
 from sim.scene.scene import Box, Scene, load_scene
 from sim.scene.weather import Weather
-from sim.sensors.catalog import make_sensor
-from sim.sensors.sensor import Installation
+from tests.worlds.installed_sensor import installed
 
-TICK_NS = 4_000_000
 FIELD = load_scene("airfield")
 ZERO = (0.0, 0.0, 0.0)
 IDEAL_RANGE: dict[str, Any] = {
@@ -43,9 +41,7 @@ IDEAL_FLOW: dict[str, Any] = {
 
 
 def made(kind: str, values: dict[str, Any], *, scene: Scene = FIELD, seed: int = 1, rate_hz: float = 50.0) -> Any:
-    return make_sensor(
-        Installation("r", rate_hz=rate_hz, seed=seed, scene=scene, step_ns=TICK_NS), kind=kind, overrides=values
-    )
+    return installed("r", scene, kind=kind, overrides=values, rate_hz=rate_hz, seed=seed)
 
 
 def at(height_m: float, **changes: Any) -> TruthState:

@@ -12,15 +12,13 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
 from hil.run.live.encoders import padded
 from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
-from hil.run.offboard import is_out_of_time, offboard_pilot, why_unflown, why_unlanded
+from hil.run.offboard import PilotedPart, is_out_of_time, offboard_pilot, why_unflown, why_unlanded
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
-from hil.run.parts.pilots.mission import record_texts
 from hil.run.recorder.mcap.topics import BODY, MAP, ODOM, WORLD
 from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
@@ -35,7 +33,7 @@ _SLICE_S = 0.25  # of a wait, so that it ends soon after a subscriber is lost
 _STALE_S = 1.0  # simulated time without a set-point after which the vehicle holds its position
 
 
-class Ros2Part(Part):
+class Ros2Part(PilotedPart):
     name = "ros2"
     free_running = False
     _run: RunContext  # from `open` on
@@ -50,7 +48,6 @@ class Ros2Part(Part):
         self._always: frozenset[str] = frozenset()  # topics that are sent to nobody too: late subscribers get them
         self._awaited: list[Any] = []  # publishers whose subscribers are waited for
         self._selected: set[str] = set()
-        self._pilot: OffboardPilot | None = None
         self._reasons: list[str] = []
         self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
         self._commands: Any = None  # services; with `control`
@@ -177,21 +174,9 @@ class Ros2Part(Part):
     def exchange(self) -> Ros2Part:
         return self
 
-    def phase(self) -> str:
-        return "" if self._pilot is None else self._pilot.phase.value
-
-    def texts(self) -> list[tuple[int, int, str]]:
-        return [] if self._pilot is None else self._pilot.statustexts
-
-    def ended(self) -> bool:
-        return self._pilot is not None and self._pilot.phase.value == "done"
-
     def close(self) -> None:
         if self._node is not None:
             self._node.close()
-
-    def finish(self, run: RunContext) -> None:
-        record_texts(run.recorder, list(self.texts()))
 
     def conclude(self, run: RunContext) -> None:
         """Tell of nodes in control that never flew, or never landed without a mission, goal or search."""

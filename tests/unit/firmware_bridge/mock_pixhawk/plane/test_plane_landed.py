@@ -9,6 +9,7 @@ import pytest
 
 from firmware_bridge.mock_pixhawk.estimate.sensors import CLIPPED_NOISE, CLIPPED_US, IMU_BITS, SensorIntake
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action
+from firmware_bridge.mock_pixhawk.flight.firmware_parts import FirmwareParts
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.plane.land_detector import PlaneLandDetector
@@ -64,7 +65,8 @@ def test_a_position_that_comes_back_does_not_take_off(flaring: bool, airspeed: f
     estimate: Any = SimpleNamespace(position_ok=False)
     none: Any = None
     params = ParamTable.of_firmware(plane=True)
-    failsafe = PlaneFailsafe(stack, vehicle, estimate, none, none, params, lambda *_: None)
+    parts = FirmwareParts(none, vehicle, estimate, none, params, none)
+    failsafe = PlaneFailsafe(stack, parts, none, lambda *_: None)
     assert failsafe._position(0) is None
     estimate.position_ok = True
     assert failsafe._position(STEP_US) is action

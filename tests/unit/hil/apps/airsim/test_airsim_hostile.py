@@ -17,7 +17,8 @@ from hil.apps.airsim.rpc.arguments import COUNT
 from hil.apps.airsim.rpc.framing import MOST_BYTES, MOST_ITEMS
 from hil.apps.airsim.rpc.methods import MethodTable, Parameter, method
 from hil.apps.airsim.rpc.server import MOST_CLIENTS, RpcServer
-from tests.worlds.airsim_server import Client, RpcFailed
+from lab.airsim_server import RpcFailed
+from tests.worlds.airsim_server import Client
 from tests.worlds.patience import PATIENCE_S, until
 from tests.worlds.rpc_process import RpcProcess
 

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from hil.apps.airsim.world.objects import present_world, registry, voxel_grid
+from lab.airsim_server import RpcFailed
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
 from sim.scene.compile.placed_worlds import limit_mesh_cache
-from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
+from tests.worlds.airsim_server import Client, Served, pose, served, vector, xyz
 
 ONE = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Sensors": {
     "Down": {"SensorType": 5, "Enabled": True, "Pitch": -90, "UncorrelatedNoiseSigma": 0.0},

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
 from hil.apps.airsim.pictures.segmentation import initial_id
-from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served
+from lab.airsim_server import RpcFailed
+from tests.worlds.airsim_server import Client, Served, pose, served
 
 SCENE, PLANAR, PERSPECTIVE, VIS, DISPARITY, SEGMENTATION, NORMALS, INFRARED = range(8)
 SETTINGS = {

@@ -14,7 +14,8 @@ import pytest
 from hil.apps.airsim.rpc.arguments import Pose, Vector
 from hil.apps.airsim.rpc.framing import MOST_BYTES
 from hil.apps.airsim.rpc.packing import Double, pack
-from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+from lab.airsim_server import RpcFailed
+from tests.worlds.airsim_server import Client, Served, served
 
 
 @pytest.fixture(scope="module")

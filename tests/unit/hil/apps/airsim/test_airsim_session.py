@@ -19,9 +19,10 @@ import pytest
 from hil.apps.airsim import simulation
 from hil.apps.airsim.settings.sensors import Lidar
 from hil.apps.airsim.world.sensors.lidar import in_view, with_range_noise
+from lab.airsim_server import RpcFailed
 from sim.physics.vehicle import load_vehicle
 from sim.world_loader import load_world
-from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
+from tests.worlds.airsim_server import Client, Served, pose, served, vector, xyz
 from tests.worlds.patience import PATIENCE_S
 
 STAND_M = load_vehicle("x500").standing_height_m

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from hil.apps.airsim.rpc.methods import RpcError
-from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector
+from lab.airsim_server import RpcFailed
+from tests.worlds.airsim_server import Client, Served, pose, served, vector
 from tests.worlds.patience import PATIENCE_S
 
 GRID = ("simCreateVoxelGrid", vector(0.0, 0.0, 0.0), 2, 2, 2, 1.0, "unused.binvox")

@@ -70,8 +70,8 @@ class Script:
     def observe(self, truth: TruthState, wind: Any) -> None:
         self.note("observe", truth.tick, wind)
 
-    def send(self, tick: int, t_ns: int, imu: Any, mag: Any, baro: Any, *rest: Any) -> bytes:
-        self.note("send", tick, baro.seq if baro else None)
+    def send(self, tick: int, t_ns: int, samples: Any, extra: bytes) -> bytes:
+        self.note("send", tick, samples.baro.seq if samples.baro else None)
         return b"sent"
 
     def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
