@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from signals.errors import ConfigError
+from sim.scene.added_person import PERSON
 from sim.scene.appearance import Appearance
 from sim.scene.compile.world_compiler import compile_map, compile_source, map_source, read_only
 from sim.scene.scene import Scene
@@ -74,5 +75,5 @@ def _with_additions(base: World, appearance: Appearance) -> World:
     geom_class = world.geom_class.copy()
     for geom in range(base.model.ngeom, world.model.ngeom):
         body = world.model.body(world.model.geom_bodyid[geom]).name
-        geom_class[geom] = base.class_names.index(class_of.get(body, "person"))
+        geom_class[geom] = base.class_names.index("person" if body.startswith(PERSON) else class_of[body])
     return replace(world, geom_class=read_only(geom_class), added_people=new_people, added_objects=new_objects)

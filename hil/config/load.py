@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil.config.bench import Bench
+from hil.config.checks.search_checks import missing_object_problems
 from hil.config.files import bench_file, default_bench, is_rig
 from hil.config.loading import BenchLoading
 from hil.config.vehicles.resolve import lone_vehicle_problems, with_vehicles
@@ -28,7 +29,7 @@ def load_bench(
 
     `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation; a file of a rig
     is a bench of defaults on it. `settings` are the texts of `--set`. `flown`: of several vehicles each must have
-    somebody who flies it. Raises ConfigError with every problem found.
+    somebody who flies it, and a search must have something to find. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
@@ -38,6 +39,8 @@ def load_bench(
             options, file = {"rig": str(file), **options}, None  # defaults on that rig
         loading = BenchLoading(file, options, settings)
         bench = loading.bench()
+        if flown and (problems := missing_object_problems(bench.config, bench.scene, loading.settings)):
+            raise ConfigError(problems)
         if bench.config.vehicles:
             return with_vehicles(bench, loading, flown=flown)
         if problems := lone_vehicle_problems(bench, loading):

@@ -20,7 +20,7 @@ from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
-from hil.config.checks.search_checks import missing_object_problems, search_problems
+from hil.config.checks.search_checks import search_problems
 from hil.config.checks.sky_checks import almanac_problems
 from hil.config.files import available, find, is_bare
 from hil.config.formation import shifted_mission
@@ -324,7 +324,6 @@ class BenchLoading:
             mission_path = script.plan_path if script is not None else None
         if config is not None and scene is not None and not self.problems:
             self.problems += radar_checks.world_problems(config, scene, self.settings)
-            self.problems += missing_object_problems(config, scene, self.settings)
         mission = self._mission(mission_path, scene)
         if config is not None and mission is not None and scene is not None:
             mission = shifted_mission(mission, config.mission_offset_m, scene)

@@ -28,6 +28,7 @@ from sim.scene.random_generator import RandomGenerator, feature_rng
 from sim.scene.scene_map import SceneMap
 
 _TRIES = 60
+_LOOKS = 10**6
 _POINT_SPACING_M = 0.7  # of the checked points of a place
 
 
@@ -78,13 +79,13 @@ def draw_objects(limits: ObjectLimits, seed: int, ground: FreeGround) -> tuple[A
     found: list[AddedObject] = []
     for i in range(count):
         rng = feature_rng(seed, "objects", i)
-        kind = rng.pick(limits.kinds)
+        kind, look = rng.pick(limits.kinds), rng.index(_LOOKS)
         place = _free_place(limits, rng, ground, _KINDS[kind].size_m)
         if place is not None:
             at_m, heading_rad = place
             same = sum(_KINDS[other.kind].body == _KINDS[kind].body for other in found)
             name = f"{OBJECT}{_KINDS[kind].body}_{same:03d}"
-            found.append(AddedObject(name, kind, _KINDS[kind].class_name, at_m, heading_rad * DEG_PER_RAD))
+            found.append(AddedObject(name, kind, _KINDS[kind].class_name, at_m, heading_rad * DEG_PER_RAD, look))
     return tuple(found)
 
 
@@ -117,6 +118,6 @@ def map_with(objects: tuple[AddedObject, ...], base: SceneMap) -> SceneMap:
     """Return the map `base` with these objects added at its end, so that everything else keeps its number."""
     builder = MapBuilder("objects", assets=OBJECT)
     for added in objects:
-        rng = RandomGenerator(0, added.name)  # draws only colours and shapes
+        rng = RandomGenerator(added.look, added.kind)
         _KINDS[added.kind].add(builder, rng, added.at_m, added.heading_deg / DEG_PER_RAD)
     return builder.added_to(base)

@@ -20,6 +20,7 @@ class AddedObject:
     class_name: str
     at_m: Vec3  # where it stands, in W
     heading_deg: float  # from east to north
+    look: int  # seed of its colours and shape
 
     def as_data(self) -> dict[str, Any]:
         """Return the object as plain data for run.json."""

@@ -30,7 +30,7 @@ class PeopleLimits(StrictModel):
 
     count: Annotated[tuple[int, int], AfterValidator(ordered), within(0, 60)] = (0, 12)
     within_m: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0  # distance from the origin, east and north
-    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # radius without people where the vehicle takes off
+    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # radius without people about the origin
     walking_share: Share = 0.7  # the others stand
     speed_mps: Annotated[Limits, within(0.3, 2.5)] = (0.7, 1.8)
     height_m: Annotated[Limits, within(0.9, 2.2)] = (1.5, 1.95)
@@ -48,7 +48,7 @@ class ObjectLimits(StrictModel):
 
     count: Annotated[tuple[int, int], AfterValidator(ordered), within(0, 60)] = (0, 12)
     within_m: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0  # distance from the origin, east and north
-    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # radius without objects where the vehicle takes off
+    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # radius without objects about the origin
     kinds: Annotated[tuple[ObjectKind, ...], Field(min_length=1)] = OBJECT_KINDS  # each drawn as often as it is named
 
 

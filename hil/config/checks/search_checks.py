@@ -12,6 +12,7 @@ from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, Companion
 from signals.documents.validate import at, nearest
 from signals.errors import Problem
+from sim.randomize.free_ground import GROUND_CLASSES
 from sim.scene.scene import Scene
 from sim.world_loader import load_world
 
@@ -32,7 +33,8 @@ def search_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     shipped = _are_shipped(companion)
     detectors = [cut for cut in companion.start if cut.name == _DETECTOR]
     if not companion.on or (shipped and not detectors):
-        report((), "needs a companion that searches", "companion: {start: [detect]}")
+        more = " or, for one that connects itself, clients: 1 more than are started" if companion.on else ""
+        report((), "needs a companion that searches", f"companion: {{start: [detect]}}{more}")
     camera = config.sensors.get(search.camera)
     if camera is None or camera.kind != "camera":
         cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
@@ -43,18 +45,22 @@ def search_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
         if classes and search.label not in classes:
             report(("label",), f"is not a class of the detector: {search.label!r}", nearest(search.label, classes))
         elif classes and search.label not in reported:
-            text = f"is {search.label!r}, and detect reports the objects of {', '.join(reported) or 'nothing'} alone"
+            alone = f"the objects of {', '.join(reported)} alone" if reported else "no objects"
+            text = f"is {search.label!r}, and detect reports {alone}"
             report(("label",), text, f"companion: {{settings: {{objects: [{search.label}]}}}}")
     return problems
 
 
 def missing_object_problems(config: BenchConfig, scene: Scene, settings: Settings) -> list[Problem]:
-    """Report a label of which the scene has no object, before a flight that could find none."""
-    if config.search is None:
+    """Report a label of which the scene has no object, before a flight that could find none.
+
+    What a seed adds differs from flight to flight: then the search's own verdict tells.
+    """
+    if config.search is None or (scene.appearance is not None and scene.appearance.adds):
         return []
     world, label = load_world(scene), config.search.label
     classes, objects = list(world.class_names), np.asarray(world.geom_class)[np.asarray(world.geom_instance) > 0]
-    there = [classes[number] for number in np.unique(objects)]
+    there = [classes[number] for number in np.unique(objects) if classes[number] not in GROUND_CLASSES]
     if label in there:
         return []
     message = f"is {label!r}, of which the scene {scene.name!r} has no object: nothing could be found"
@@ -81,6 +87,6 @@ def _labels(settings: Mapping[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
     try:
         chosen = DetectSettings(**settings)
         classes = ModelFile.load(chosen.model).classes
-    except (OptionError, TypeError):
+    except (OptionError, TypeError, ValueError):
         return (), ()
     return classes, classes if chosen.objects is None else chosen.objects

@@ -270,7 +270,6 @@ class MapBuilder:
 
     def hull(self, name: str, corners: NDArray[np.float64]) -> str:
         """Add the convex hull of points (n, 3) as a mesh asset, unless the name exists."""
-        name = self._own(name)
         if name not in self._meshes:
             self._meshes.add(name)
             ET.SubElement(self._asset, "mesh", name=name, vertex=numbers(corners.ravel().tolist()), inertia="shell")

@@ -30,7 +30,7 @@ from hil.apps.detect.training.batches import Batch, Batches, blob_of
 from hil.apps.detect.training.export import between, folded
 from hil.apps.detect.training.layout import LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
-from hil.apps.detect.training.model import SsdLite, by_anchor, new_blocks
+from hil.apps.detect.training.model import SsdLite, Widths, by_anchor, new_blocks
 from hil.apps.detect.training.settings import Settings
 from hil.apps.detect.training.start_weights import (
     normalisation_renamed,
@@ -226,7 +226,7 @@ class Training:
         if data.pop(_DIGEST, None) != digest_of(data):
             hint = "choose another folder, or leave out --resume"
             raise ConfigError([Problem(str(path), "is damaged, or of an earlier hil-bench", hint)])
-        expected = {"settings": asdict(self.settings), "classes": list(self.classes)}
+        expected = {"network": asdict(Widths()), "settings": asdict(self.settings), "classes": list(self.classes)}
         for key, value in expected.items():
             if data.get(key) != value:
                 hint = "choose another folder, or leave out --resume"
@@ -316,6 +316,7 @@ class Training:
 
     def _store_checkpoint(self) -> None:
         data = {
+            "network": asdict(Widths()),
             "settings": asdict(self.settings),
             "classes": list(self.classes),
             "start": self._start_digest,

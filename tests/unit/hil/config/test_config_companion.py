@@ -53,6 +53,7 @@ search:
         ("zebra", "start: [{name: detect, settings: {model: good}}]", "'zebra' (known: barrel, "),
         ("vehicle", "start: [detect]", "is 'vehicle', and detect reports the objects of person alone"),
         ("person", "start: [{name: detect, settings: {objects: [dog, bin]}}]", "the objects of dog, bin alone"),
+        ("person", "start: [{name: detect, settings: {objects: []}}]", "detect reports no objects"),
         ("person", "start: [detect]", None),
         ("vehicle", "settings: {objects: [person, vehicle]}, start: [detect]", None),
         ("vehicle", "settings: {objects: null}, start: [detect]", None),
@@ -61,6 +62,7 @@ search:
         ("tree", "clients: 1", None),
         ("tree", "settings: {model: mine.onnx}, start: [detect]", None),
         ("tree", "settings: {threshold: high}, start: [detect]", None),
+        ("tree", 'settings: {model: "a\\0.onnx"}, start: [detect]', None),
     ],
 )
 def test_a_search_for_what_the_detector_never_reports_is_refused(label: str, clients: str, told: str | None) -> None:
@@ -76,7 +78,8 @@ def test_a_search_for_what_the_detector_never_reports_is_refused(label: str, cli
 
 def test_a_search_without_a_client_that_reports_objects_is_refused() -> None:
     (refused,) = bench_files.refused(SEARCH % "person" + "companion: {start: [echo, record]}\n")
-    assert refused == "b.yaml:3: search needs a companion that searches (companion: {start: [detect]})"
+    hint = "companion: {start: [detect]} or, for one that connects itself, clients: 1 more than are started"
+    assert refused == f"b.yaml:3: search needs a companion that searches ({hint})"
     assert bench_files.load(SEARCH % "person" + "companion: {start: [echo], clients: 2}\n")
 
 

@@ -238,6 +238,17 @@ def mesh_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.nda
     return np.asarray(data.geom_xpos[geom] + vertices @ data.geom_xmat[geom].reshape(3, 3).T)
 
 
+def test_objects_of_each_seed_look_different() -> None:
+    coats, paints = set(), set()
+    for seed in range(6):
+        scene, _ = of(seed, objects={"count": (4, 4), "kinds": ["dog", "sedan"]})
+        materials = load_world(scene).map.surfaces
+        coats |= {name for name in materials if "fur_" in name}
+        paints |= {name for name in materials if "paint" in name}
+    assert len(coats) > 2
+    assert len(paints) > 2
+
+
 def test_kinds_of_objects_are_those_asked_for() -> None:
     scene, told = of(5, objects={"count": (12, 12), "kinds": ["dog", "dog", "bird"]})
     kinds = [added["kind"] for added in told["objects"]]
