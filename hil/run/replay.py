@@ -20,10 +20,9 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import NAME, unpack
 from hil.config import Bench
-from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.replayed_verdict import carry_verdict, read_run
-from hil.run_files import BENCH_NAME, MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME, TRACE_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
