@@ -55,7 +55,8 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """Result of a replay. `digests`: of the recorded and the fresh run, None for one that did not come to its end.
+    """Result of a replay. `digests`: of the recorded run, None if it did not come to its end, and of the fresh one,
+    None if its recording has none.
 
     `recorded_verdict`: that of a recorded run that did not pass, in words. The messages of a run may all be the same
     (no `difference`), and the digests not: then the runs are not identical.
