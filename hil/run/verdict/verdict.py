@@ -156,10 +156,9 @@ class FlightMeasurement:
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
-        margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
         height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
-        self._reaches_m = _reaches_m(self._fly_legs, margin_m)
+        self._reaches_m = reaches_m(self._fly_legs, limits)
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
         self._above_m = height_m
@@ -384,19 +383,20 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
     return distances
 
 
-def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
-    """Return for every leg the horizontal distance [m] from its end at which it counts as reached.
+def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
+    """Return for every leg to a waypoint the horizontal distance [m] from its end at which it counts as reached.
 
     At one place again, the legs before and after it meet. The waypoints of a plan that stays there have no such legs.
     """
+    margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
     before_m, after_m = _lengths_so_far_m(fly), _lengths_so_far_m(fly[::-1])[::-1]
-    reaches_m: list[float] = []
+    found_m: list[float] = []
     for i, leg in enumerate(fly):
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
         radius_m = leg.acceptance_radius_m
         near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
-        reaches_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
-    return reaches_m
+        found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
+    return found_m
 
 
 def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:
