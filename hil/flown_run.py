@@ -117,7 +117,12 @@ def verdict_health(run: Run) -> dict[str, int]:
     """Return the number of occurrences of the items of `HEALTH` that concern the verdict of a flight."""
     unread = unread_reasons(run)
     crashes = sum("crashed: " in reason for reason in unread)
-    return {"fail": int(bool(unread) and not crashes), "crash": crashes, "error": int(run.json["status"] == "ERROR")}
+    return {
+        "unflown": int(run.json["status"] == "PASS" and "unflown" in run.json),  # of several: if no vehicle flew
+        "fail": int(bool(unread) and not crashes),
+        "crash": crashes,
+        "error": int(run.json["status"] == "ERROR"),
+    }
 
 
 def health(run: Run) -> dict[str, int]:
@@ -134,7 +139,6 @@ def health(run: Run) -> dict[str, int]:
         "lost_frames": link.get("lost_frames", 0),
         "late": run.json["autopilot"]["late"] + timing.get("paced_ticks_late", 0),
         "estimator_reset": _estimator_resets(run.out / TLOG_NAME),
-        "unflown": int(run.json["status"] == "PASS" and "unflown" in run.json),
         **own,
     }
 

@@ -99,6 +99,10 @@ class LinkFault(Section):
         """Time that a delayed unit is held back, and a reordered one at most [ns of wall clock]."""
         return round((self.delay_s or REORDER_WAIT_S) * NS_PER_S)
 
+    def chance_of_no_hit(self, count: int) -> float:
+        """Return the probability, over all seeds, that none of `count` units is hit, which the fault acts on."""
+        return (1.0 - (1.0 if self.rate is None else self.rate)) ** count
+
     def acts_on(self, direction: Direction) -> bool:
         """Return True if units that travel in `direction` are hit."""
         return self.direction in ("both", direction)

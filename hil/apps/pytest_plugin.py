@@ -166,6 +166,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}{''.join(hints)}; it has: {present}")
 
 
+@pytest.hookimpl(wrapper=True, specname="pytest_runtest_setup")
+def pytest_runtest_skipped_setup(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Check the flights of a fixture that then skips the test."""
+    try:
+        return (yield)
+    except BaseException as error:
+        if _skips(error):
+            _check_flights(item, since=0)
+        raise
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights of a passed test: here and not at teardown, where a fault would count as an error.
@@ -174,11 +185,18 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """
     try:
         outcome = yield
-    except pytest.skip.Exception:
-        _check_flights(item, since=0)
+    except BaseException as error:
+        if _skips(error):
+            _check_flights(item, since=0)
         raise
     _check_flights(item, since=0)
     return outcome
+
+
+def _skips(error: BaseException) -> bool:
+    from unittest import SkipTest
+
+    return isinstance(error, (pytest.skip.Exception, SkipTest))
 
 
 @pytest.hookimpl(wrapper=True)

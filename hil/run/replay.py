@@ -20,10 +20,9 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import NAME, unpack
 from hil.config import Bench
-from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.replayed_verdict import carry_verdict, read_run
-from hil.run_files import BENCH_NAME, MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME, TRACE_NAME
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
@@ -56,7 +55,8 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """Result of a replay. `digests`: of the recorded and the fresh run, None for one that did not come to its end.
+    """Result of a replay. `digests`: of the recorded run, None if it did not come to its end, and of the fresh one,
+    None if its recording has none.
 
     `recorded_verdict`: that of a recorded run that did not pass, in words. The messages of a run may all be the same
     (no `difference`), and the digests not: then the runs are not identical.

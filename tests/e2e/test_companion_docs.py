@@ -15,7 +15,8 @@ from hil.config import load_bench
 from hil.config.companion.clients import CLIENT_PATH
 from hil.config.schema import Companion
 from hil.run.bench_run import run_bench
-from hil.run.companion.files import COLUMNS, TIMING_NAME, read_timing
+from hil.run.companion.files import COLUMNS, read_timing
+from hil.run_files import TIMING_NAME
 from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]

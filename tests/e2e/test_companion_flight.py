@@ -14,8 +14,8 @@ import pytest
 from firmware_bridge.companion.keys import make_keys
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.companion.trace import TRACE_NAME
 from hil.run.replay import replay
+from hil.run_files import TRACE_NAME
 from tests.worlds.hop_flights import CAMERAS, RECTANGLE, fly, saved
 from tests.worlds.run_json_schema import problems_of
 

@@ -11,7 +11,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.companion.trace import TRACE_NAME
+from hil.run_files import TRACE_NAME
 from tests.worlds.hop_flights import ROOT
 
 BENCH = """

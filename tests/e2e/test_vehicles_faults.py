@@ -11,9 +11,9 @@ from rich.console import Console
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.companion.trace import TRACE_NAME
 from hil.run.recorder.reading import read_messages
 from hil.run.replay import fly_and_compare
+from hil.run_files import TRACE_NAME
 from signals.errors import RecordingError
 from tests.worlds.hop_flights import HOP
 

@@ -76,7 +76,7 @@ class Outcome:
     cpu_s: float = 0.0  # of the worker's own process
     place: str = ""  # worker that made it
     unmet: tuple[str, ...] = ()  # of what the bench declares: faults and gusts that did not come, or the whole flight
-    flown: bool = True  # False: the vehicle never left its start, and passed
+    flown: bool = True  # False: the vehicle, or every one of several, never left its start, and passed
 
     @classmethod
     def from_run(cls, run: Mapping[str, Any]) -> Outcome:
@@ -85,6 +85,8 @@ class Outcome:
         rows = [
             Limit(*(row[key] for key in ("name", "value", "limit", "unit", "ok"))) for row in run["verdict"]["rows"]
         ]
+        vehicles = run.get("vehicles", {}).items()
+        stayed = [f"{name}: {vehicle['unflown']}" for name, vehicle in vehicles if "unflown" in vehicle]
         return cls(
             run["status"],
             tuple(run["verdict"]["reasons"]),
@@ -94,7 +96,7 @@ class Outcome:
             run["digest"],
             bool(run["deterministic"]),
             run["sim_s"],
-            unmet=(*([run["unflown"]] if "unflown" in run else []), *run.get("unmet", ())),
+            unmet=(*([run["unflown"]] if "unflown" in run else stayed), *run.get("unmet", ())),
             flown=run["status"] != "PASS" or "unflown" not in run,
         )
 

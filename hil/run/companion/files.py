@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-TRACE_NAME = "companion.jsonl"
-TIMING_NAME = "companion_timing.csv"
 COLUMNS = (
     *("client", "frame", "tick", "t_ns", "render_ns", "link_ns", "t1_ns"),
     *("t2_ns", "reply_ns", "command_ns", "t3_ns", "clock_offset_ns"),

@@ -25,9 +25,10 @@ from hil.run.companion.pacing import FramePacing, Timeouts
 from hil.run.companion.stage import AnswerCallbacks, CompanionLogs, CompanionStage
 from hil.run.companion.started import StartedClient, close_all
 from hil.run.companion.timing import ClientTiming, TimedPilot, TimingLog
-from hil.run.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
+from hil.run.companion.trace import TracedAnswers, TraceWriter
 from hil.run.companion.view_log import VIEWS_EVERY_NS, ViewLog
 from hil.run.sensors.frame_stages import available_ports
+from hil.run_files import TRACE_NAME
 from signals.errors import RecordingError
 from signals.latency import LatencyHistogram
 from signals.samples import Vec3

@@ -25,7 +25,8 @@ from typing import Any, NamedTuple, TextIO
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.companion.frames import CompanionFrame, Reply
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
-from hil.run.companion.files import COLUMNS, TIMING_NAME
+from hil.run.companion.files import COLUMNS
+from hil.run_files import TIMING_NAME
 from signals.errors import RecordingError
 from signals.latency import LatencyHistogram
 

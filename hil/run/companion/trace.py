@@ -23,7 +23,6 @@ from firmware_bridge.codecs.companion_detections import detections_from_map, det
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from hil.run.companion.answers import Answer, Client
-from hil.run.companion.files import TRACE_NAME as TRACE_NAME
 from signals.detections import Detections
 from signals.errors import LockstepLost, RecordingError
 

@@ -16,9 +16,9 @@ from typing import Any, TextIO
 
 from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
+from hil.run_files import VIEWS_NAME
 from signals.time import NS_PER_S
 
-VIEWS_NAME = "companion_views.jsonl"
 VIEWS_EVERY_NS = NS_PER_S // 2  # simulated time
 _MAX_BYTES = 64 << 20  # size of the file
 _BINARY_FIELDS = ("plan_W", "particles_W")

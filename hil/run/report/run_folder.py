@@ -17,7 +17,18 @@ from typing import Any
 
 from hil.data_set_files import MANIFEST
 from hil.run.report.run_json import run_json_text, write_run_json
-from hil.run_files import BENCH_NAME, MCAP_NAME, PAGE_NAME, RUN_JSON_NAME, TLOG_NAME
+from hil.run_files import (
+    BENCH_NAME,
+    MCAP_NAME,
+    PAGE_NAME,
+    PEOPLE_NAME,
+    RUN_JSON_NAME,
+    SEARCH_PICTURE_NAME,
+    TIMING_NAME,
+    TLOG_NAME,
+    TRACE_NAME,
+    VIEWS_NAME,
+)
 from signals._kernel import guard_file
 from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
 from signals.shortage import CRASHED, OUT_OF_MEMORY
@@ -30,8 +41,10 @@ _SUFFIXES = (
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
 _RESULTS = (RUN_JSON_NAME, PAGE_NAME, BENCH_NAME)  # what makes a folder one of a run
-# Files of companions and searches, which not every run has. A replay takes the answers of the first.
-_OF_SOME = ("companion.jsonl", "companion_timing.csv", "companion_views.jsonl", "people.json", "search.png")
+# Files of companions and searches, which not every run has. A replay takes the answers of the first. Of what clients
+# write into their folders the rest stays: the run may read it.
+_OF_SOME = (TRACE_NAME, TIMING_NAME, VIEWS_NAME, PEOPLE_NAME, SEARCH_PICTURE_NAME)
+_OF_CLIENTS = ("companion_*.log", "companion_*/report*.png")
 
 
 @contextlib.contextmanager
@@ -107,7 +120,7 @@ def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
 
 
 def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> None:
-    """Remove report, recordings, and what a companion left, of an earlier run in `out`: it would pass for this one's.
+    """Remove report, recordings, and what companions left, of an earlier run in `out`: it would pass for this one's.
 
     `kept`: files and folders of runs that this run reads. A folder without a run.json, or of a data set, is left alone.
     """
@@ -115,11 +128,14 @@ def remove_earlier(out: Path, vehicles: Iterable[str], kept: Iterable[str]) -> N
         return
     read = {Path(os.path.realpath(path)) for path in kept}
     for folder in (out, *(out / name for name in vehicles)):
-        for name in (PAGE_NAME, MCAP_NAME, TLOG_NAME, *_OF_SOME):
-            real = Path(os.path.realpath(folder / name))
-            if not read & {real, real.parent}:
+        paths = [folder / name for name in (PAGE_NAME, MCAP_NAME, TLOG_NAME, *_OF_SOME)]
+        paths += [path for pattern in _OF_CLIENTS for path in folder.glob(pattern)]
+        for path in paths:
+            real = Path(os.path.realpath(path))
+            linked = path.parent != folder and path.parent.is_symlink()
+            if not linked and not read & {real, real.parent}:
                 with contextlib.suppress(OSError):
-                    (folder / name).unlink(missing_ok=True)  # never what a link leads to
+                    path.unlink(missing_ok=True)  # never what a link leads to
 
 
 def _is_of_a_run(folder: Path) -> bool:

@@ -199,7 +199,7 @@ class GroupRun:
             row | {"what": f"{name}: {row['what']}"} for name, run in runs.items() for row in run.get("by_hand", ())
         ]
         unmet = [f"{name}: {text}" for name, run in runs.items() for text in run.get("unmet", ())]
-        unflown = "; ".join(f"{name}: {run['unflown']}" for name, run in runs.items() if "unflown" in run)
+        stayed = [f"{name}: {run['unflown']}" for name, run in runs.items() if "unflown" in run]
         sim_s = self._ticks() * self._tick_ns / NS_PER_S
         flown_s = sum(run["sim_s"] for run in runs.values())
         setup_s, wall_s = (0.0, 0.0) if self._fleet is None else (self._fleet.setup_s, self._fleet.wall_s)
@@ -236,6 +236,7 @@ class GroupRun:
                     "autopilot": run.get("autopilot"),
                     "sensors": run.get("sensors"),
                     "folder": name,
+                    **({"unflown": run["unflown"]} if "unflown" in run else {}),
                 }
                 for name, run in runs.items()
             },
@@ -245,6 +246,6 @@ class GroupRun:
             "actions": [],
             **({"by_hand": by_hand} if by_hand else {}),
             **({"unmet": unmet} if unmet else {}),
-            **({"unflown": unflown} if unflown else {}),
+            **({"unflown": "; ".join(stayed)} if stayed and len(stayed) == len(runs) else {}),
             "timing": {"setup_s": setup_s, "total_s": time.monotonic() - self._began_s},
         }

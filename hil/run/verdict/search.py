@@ -28,6 +28,7 @@ from hil.config import SensorConfig
 from hil.config.schema import Search
 from hil.run.verdict.true_people import TruePeople, TruePerson, visible_px
 from hil.run.verdict.verdict import AIRBORNE_M, Row, rows_within
+from hil.run_files import PEOPLE_NAME, SEARCH_PICTURE_NAME
 from signals.detections import Detections, FoundObject
 from signals.errors import RecordingError
 from signals.samples import TruthState
@@ -35,7 +36,6 @@ from signals.time import NS_PER_S
 from sim.frame.source import SharedFrames
 from sim.scene.world import World
 
-PEOPLE_NAME, PICTURE_NAME = "people.json", "search.png"
 _SAMPLE_PERIOD_NS = NS_PER_S // 4
 _VISIBLE, _HIDDEN, _FOUND, _FALSE, _PATH = "#0072b2", "#9aa5b1", "#009e73", "#d55e00", "#c7ced6"
 
@@ -135,7 +135,7 @@ class SearchMeasurement:
         flown = track_m or [(t.p_WB[0], t.p_WB[1]) for t in self._sampled_states]
         try:
             (out / PEOPLE_NAME).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-            search_figure(result, self._search, flown).savefig(out / PICTURE_NAME, dpi=110)
+            search_figure(result, self._search, flown).savefig(out / SEARCH_PICTURE_NAME, dpi=110)
         except OSError as error:
             raise RecordingError(f"{out}: the search's result cannot be written ({error.strerror or error})") from error
 

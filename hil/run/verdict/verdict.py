@@ -25,7 +25,8 @@ final_error_m      Horizontal distance from the last true position to the end of
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
 holds              A waypoint with a time to wait was flown only if the vehicle was within its reach for that time, less
-                   `LESS_HOLD_S`, before it left for the next one.
+                   `LESS_HOLD_S`, before it left for the next one. A moment within reach of several counts for the first
+                   of them that still lacks time: waits at one place add up.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
                    `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
@@ -114,13 +115,11 @@ class _Hold:
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
         self._inside_ns = 0
-        self._before_ns: int | None = None  # time of the last call, if it was inside
+        self.onward = False  # True once the vehicle has reached a later waypoint, out of this one's reach
 
-    def add(self, t_ns: int, *, inside: bool) -> None:
-        """Add a time from the arrival on."""
-        if inside and self._before_ns is not None:
-            self._inside_ns += t_ns - self._before_ns
-        self._before_ns = t_ns if inside else None
+    def add(self, elapsed_ns: int) -> None:
+        """Add a time spent there."""
+        self._inside_ns += elapsed_ns
 
     @property
     def missed(self) -> bool:
@@ -129,7 +128,10 @@ class _Hold:
 
     @property
     def text(self) -> str:
-        return f"{self._inside_ns / NS_PER_S:.0f} s; the plan waits there for {self._hold_s:g} s"
+        """Both times in words; that spent there is rounded down, so that it stays below what is enough."""
+        inside_s = self._inside_ns // (NS_PER_S // 10) / 10
+        enough_s = self._hold_s - LESS_HOLD_S
+        return f"{inside_s:.1f} s; the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
 
 
 class FlightMeasurement:
@@ -154,10 +156,9 @@ class FlightMeasurement:
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
-        margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
         height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
-        self._reaches_m = _reaches_m(self._fly_legs, margin_m)
+        self._reaches_m = reaches_m(self._fly_legs, limits)
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
         self._above_m = height_m
@@ -171,7 +172,8 @@ class FlightMeasurement:
         self._endless_item = legs[-1].seq if endless else None
         self._take_off = TakeOffHeight(legs)
         self._holds = {i: _Hold(hold_s) for i, hold_s in enumerate(holds_s) if hold_s > LESS_HOLD_S}
-        self._staying: list[int] = []  # waypoints reached, at which the plan waits
+        self._staying: list[int] = []  # waypoints reached, of which the time to wait is not over
+        self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -242,11 +244,8 @@ class FlightMeasurement:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs):
             self._follow(truth.p_WB)
-        for i in self._staying:
-            inside = self._is_reached(i, truth.p_WB)
-            self._holds[i].add(truth.t_ns, inside=inside)
-            if not inside and i + 1 < self._waypoint:
-                self._staying = [other for other in self._staying if other != i]  # it has left for the next one
+        if self._staying:
+            self._stay(truth.t_ns, truth.p_WB)
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
@@ -263,8 +262,20 @@ class FlightMeasurement:
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
         if self._is_reached(target, p_WB):
             self._waypoint += 1
+            for i in self._staying:
+                self._holds[i].onward |= not self._is_reached(i, fly[target].end_W)
             if target in self._holds:
                 self._staying.append(target)
+
+    def _stay(self, t_ns: int, p_WB: Vec3) -> None:
+        """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""
+        inside = {i for i in self._staying if self._is_reached(i, p_WB)}
+        if inside and self._stay_ns is not None:
+            self._holds[min(inside)].add(t_ns - self._stay_ns)
+        self._staying = [
+            i for i in self._staying if self._holds[i].missed and (i in inside or not self._holds[i].onward)
+        ]
+        self._stay_ns = t_ns if inside and self._staying else None
 
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
         """Return True within reach of a waypoint."""
@@ -372,19 +383,20 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
     return distances
 
 
-def _reaches_m(fly: Sequence[Leg], margin_m: float) -> list[float]:
-    """Return for every leg the horizontal distance [m] from its end at which it counts as reached.
+def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
+    """Return for every leg to a waypoint the horizontal distance [m] from its end at which it counts as reached.
 
     At one place again, the legs before and after it meet. The waypoints of a plan that stays there have no such legs.
     """
+    margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
     before_m, after_m = _lengths_so_far_m(fly), _lengths_so_far_m(fly[::-1])[::-1]
-    reaches_m: list[float] = []
+    found_m: list[float] = []
     for i, leg in enumerate(fly):
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
         radius_m = leg.acceptance_radius_m
         near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
-        reaches_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
-    return reaches_m
+        found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
+    return found_m
 
 
 def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:

@@ -13,7 +13,7 @@ hover           all other time in the air
 
 As of a plane (`plane_limits`): waypoints flown to on the wings, max_cross_track_m, altitude_error_m and loiter_error_m,
 of which errors count on the wings alone, airspeed_margin and max_bank_deg. As of a multirotor (`limits`): waypoints in
-hover, final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
+hover (their height as on the wings), final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
 
 transition_loss_m    greatest height lost since the beginning of a transition (`vtol_limits`)
 hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal distance from the start before the first
@@ -35,7 +35,7 @@ from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
 from hil.run.verdict.plane_flight import Flow, PlaneMeasurement, Stall
-from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m
+from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m, reaches_m
 from signals.mission import MissionItem
 from signals.rotation import cos_tilt_of
 from signals.samples import Quat, TruthState, Vec3
@@ -146,6 +146,7 @@ class VtolMeasurement(PlaneMeasurement):
         )
         self._landing = FlightMeasurement(legs[-1:], limits[1], cos_tilt=carriage.cos_tilt)
         self._carriage, self._wings = carriage, wings
+        self._reaches_m = reaches_m([stop.leg for stop in self._stops if stop.leg is not None], limits[1])  # in hover
         self._looks_back_ns = round(carriage.looks_back_s * NS_PER_S)
         self._heights: deque[tuple[int, float]] = deque()  # time and height, back to there
         # Not counted yet: what a transition begins with is a part of it.
@@ -227,7 +228,7 @@ class VtolMeasurement(PlaneMeasurement):
             self._drifts.append((truth.t_ns, math.dist(place, self._start)))
         elif self._in_hover:
             # The count is ahead of the vehicle by the distance at which a waypoint counts as reached.
-            corner_m = leg.acceptance_radius_m + REACH_MARGIN_M
+            corner_m = self._reaches_m[target - 1] if target else leg.acceptance_radius_m + REACH_MARGIN_M
             if math.dist(place, leg.start_W[:2]) > corner_m:
                 self._drifts.append((truth.t_ns, horizontal_distance_m(truth.p_WB, leg)))
 
@@ -240,7 +241,7 @@ class VtolMeasurement(PlaneMeasurement):
     def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
         if leg.seq in self._wings:
             return super()._near(stop, leg, distance, along)
-        return distance <= leg.acceptance_radius_m + REACH_MARGIN_M
+        return distance <= self._reaches_m[self._reached]
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         if self._phase is _Phase.WINGS:

@@ -13,9 +13,10 @@ import pytest
 from firmware_bridge.codecs.companion import decode_client
 from firmware_bridge.codecs.companion_view import MAX_CELL_BYTES, MAX_POINTS, View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
-from hil.run.companion.view_log import VIEWS_EVERY_NS, VIEWS_NAME, ViewLog, read_views
+from hil.run.companion.view_log import VIEWS_EVERY_NS, ViewLog, read_views
 from hil.run.feed.companion_views import view_streams
 from hil.run.feed.streams import map_client, map_stream
+from hil.run_files import VIEWS_NAME
 from tests.worlds.scripted_bench import CLIENT
 
 from hil_companion.errors import CutError  # isort: skip

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.result import Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
-from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import Recording
-from hil.run_files import BENCH_NAME, MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME, TRACE_NAME
 from signals.errors import HilError
 
 BUSY_S = (0.005, 0.05, 0.2)

@@ -164,7 +164,9 @@ def compare_campaigns(first: Path, second: Path, *, partial: bool = False) -> Co
     result.alone = len(ours) - result.pairs, len(theirs) - result.pairs
     folders, summaries = (first, second), (_summary(first), _summary(second))
     pairs = zip(folders, summaries, strict=True)
-    result.incomplete = [str(folder) for folder, summary in pairs if summary.get("complete") is False]
+    # One that its own rule ended has flown what it wanted to.
+    cut = (folder for folder, summary in pairs if summary.get("complete") is False and not summary.get("stopped"))
+    result.incomplete = [str(folder) for folder in cut]
     for name in ("bench", "program"):
         values = [summary.get(name) for summary in summaries]
         if values[0] != values[1]:

@@ -23,14 +23,14 @@ from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.past.summary import read_summary
 from hil.apps.dash.views.pictures import encoded_frame
 from hil.apps.dash.views.preview_sensors import PreviewSensors
-from hil.run.companion.view_log import VIEWS_NAME, read_views
+from hil.run.companion.view_log import read_views
 from hil.run.feed.companion_views import boxes_of, view_payload
 from hil.run.feed.messages import StreamFrame, packed_update
 from hil.run.feed.payloads import MAX_POINTS, array_payload, thinned
 from hil.run.feed.streams import CLOUD_CHANNEL, map_client, map_stream
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage
 from hil.run.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
-from hil.run_files import BENCH_NAME, MCAP_NAME
+from hil.run_files import BENCH_NAME, MCAP_NAME, VIEWS_NAME
 from signals.errors import HilError
 from signals.time import NS_PER_S
 

@@ -9,8 +9,9 @@ from hil.config import Bench, SensorConfig
 from hil.config.schema import Search
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
-from hil.run.verdict.search import PICTURE_NAME, SearchMeasurement
+from hil.run.verdict.search import SearchMeasurement
 from hil.run.verdict.verdict import Verdict
+from hil.run_files import SEARCH_PICTURE_NAME
 from signals.detections import Detections
 from signals.samples import TruthState
 
@@ -39,7 +40,7 @@ class SearchPart(Part):
         return {"search": self._measured.result.as_map()}
 
     def report(self, run: RunContext) -> Report:
-        picture = run.out / PICTURE_NAME
+        picture = run.out / SEARCH_PICTURE_NAME
         return Report(
             [("Map of the people and of the objects that the client found", picture)] if picture.exists() else []
         )

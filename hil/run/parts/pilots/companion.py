@@ -10,7 +10,7 @@ from typing import Any
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
-from hil.run.companion.files import TIMING_NAME, read_timing
+from hil.run.companion.files import read_timing
 from hil.run.companion.link import CompanionLink
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
@@ -19,6 +19,7 @@ from hil.run.part import Part, RunContext
 from hil.run.parts.pilots.mission import is_falling
 from hil.run.report.page import Report
 from hil.run.verdict.verdict import Verdict
+from hil.run_files import TIMING_NAME
 from signals.desired import DesiredState
 from signals.detections import Detections
 

@@ -45,3 +45,9 @@ def test_a_declaration_as_a_bench_file_has_it() -> None:
     assert fault.acts_on("to_autopilot")
     with pytest.raises(ValidationError):
         fault.kind = "drop"  # type: ignore[misc]
+
+
+def test_the_chance_that_nothing_is_hit() -> None:
+    drop, stall = LinkFault(kind="drop", at_s=1.0, rate=0.1), LinkFault(kind="stall", at_s=1.0, for_s=1.0)
+    assert drop.chance_of_no_hit(10) == pytest.approx(0.9**10)
+    assert (drop.chance_of_no_hit(0), stall.chance_of_no_hit(0), stall.chance_of_no_hit(3)) == (1.0, 1.0, 0.0)

@@ -220,9 +220,21 @@ def test_a_pass_of_nothing_fails_the_test(project: pytest.Pytester) -> None:
     def test_skipped_in_peace(rig, mission):
         assert rig.fly(mission("square.waypoints")).status == "FAIL"
         pytest.skip("nothing to see")
+
+    def test_skipped_by_unittest(rig, mission):
+        rig.fly(mission("square.waypoints"))
+        raise unittest.SkipTest("nothing to see")
+
+    @pytest.fixture
+    def flown(rig, mission):
+        rig.fly(mission("square.waypoints"))
+        pytest.skip("nothing to see")
+
+    def test_skipped_by_its_fixture(flown):
+        pass
     """
-    result = fly(project, dedent(test))
-    result.assert_outcomes(passed=1, failed=2, skipped=1)
+    result = fly(project, "import unittest\n" + dedent(test))
+    result.assert_outcomes(passed=1, failed=3, skipped=1, errors=1)
     result.stdout.fnmatch_lines(
         [
             "*unflown: 1 (a PASS of a vehicle that never left its start)",

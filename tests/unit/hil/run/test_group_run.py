@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from hil.apps.campaign.flight import Outcome
 from hil.config import Bench, load_bench
+from hil.flown_run import Run, health
 from hil.run.bench_run import run_bench
 from hil.run.part import Part, RunContext
 
@@ -97,6 +99,23 @@ def test_vehicles_that_never_flew_are_named(tmp_path: Path) -> None:
     run = run_bench(bench(tmp_path), tmp_path / "out", quiet=True).run
     assert run["unflown"].startswith("a: nothing was flown or judged: ")
     assert "; b: nothing was flown or judged: " in run["unflown"]
+
+
+def test_a_group_of_which_a_vehicle_flew_has_flown(tmp_path: Path) -> None:
+    """One parked vehicle made the flight of all one of nothing: `search` left it out, and a test failed."""
+    plan = tmp_path / "up.waypoints"
+    plan.write_text("QGC WPL 110\n0\t0\t3\t22\t0\t0\t0\t0\t0\t0\t2\t1\n1\t0\t3\t21\t0\t0\t0\t0\t0\t0\t0\t1\n")
+    runs = {}
+    for name, mission in (("none", "null"), ("one", str(plan))):
+        settings = (f"vehicles.a.mission={mission}", "duration_s=40", "record.mcap=false")
+        runs[name] = run_bench(bench(tmp_path, *settings), tmp_path / name, quiet=True)
+    outcomes = {name: Outcome.from_run(result.run) for name, result in runs.items()}
+    assert [outcome.status for outcome in outcomes.values()] == ["PASS", "PASS"]
+    assert [outcome.flown for outcome in outcomes.values()] == [False, True]
+    assert outcomes["none"].unmet == (runs["none"].run["unflown"],)
+    (told,) = outcomes["one"].unmet
+    assert told.startswith("b: nothing was flown or judged: ")
+    assert [health(Run(result.run, result.out))["unflown"] for result in runs.values()] == [1, 0]
 
 
 def test_pauses_of_one_vehicle_are_time_of_none(tmp_path: Path) -> None:

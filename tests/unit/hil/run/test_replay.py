@@ -119,7 +119,9 @@ def test_an_earlier_end_is_a_difference_but_a_cut_is_not(flight: list[Tick], rec
     assert compare(recorded, cut) is None
 
 
-def test_a_recording_of_several_vehicles_is_compared_up_to_the_end_of_each(flight: list[Tick], tmp_path: Path) -> None:
+def test_a_recording_of_several_vehicles_is_compared_up_to_the_end_of_each(
+    flight: list[Tick], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The chunk of the second vehicle was missed where that of the first is the last one in the file."""
     path = tmp_path / "run.mcap"
     recording = McapRecording(SafeFile(path), tick_ns=TICK_NS, metadata={"vehicles": "a b"}, attachments={})
@@ -139,6 +141,10 @@ def test_a_recording_of_several_vehicles_is_compared_up_to_the_end_of_each(fligh
         assert compare(cut, path) is None
         scanned = Recording(cut).scan()
         ends.append((scanned.whole_ns, scanned.last_ns))
+    with monkeypatch.context() as patched:
+        patched.setattr(Recording, "messages", lambda _: pytest.fail("the recording is decoded once for each vehicle"))
+        assert (scanned.whole_ns, scanned.last_ns) == ends[-1]
+        assert scanned.end_ns("/a/truth") >= scanned.end_ns("/b/truth") == scanned.whole_ns
     assert any(b_ns < a_ns for b_ns, a_ns in ends)
 
 

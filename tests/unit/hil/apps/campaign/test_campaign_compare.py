@@ -108,8 +108,9 @@ def test_what_a_campaign_that_was_stopped_did_not_fly_has_no_answer(
         capsys.readouterr().out.split()
     )
     assert run_command_line([*command, "--partial"]) == 0
-    (tmp_path / stopped / "campaign.json").write_text(json.dumps({"complete": True}))
-    assert run_command_line(command) == 0
+    for whole in ({"complete": True}, {"complete": False, "stopped": "2 cases failed"}):  # by the rule of its file
+        (tmp_path / stopped / "campaign.json").write_text(json.dumps(whole))
+        assert run_command_line(command) == 0
 
 
 def test_margins_are_compared_in_pairs(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from firmware_bridge.companion.frames import CompanionFrame, Reply
-from hil.run.companion.files import COLUMNS, TIMING_NAME, read_timing
+from hil.run.companion.files import COLUMNS, read_timing
 from hil.run.companion.timing import TimedPilot, TimingLog
+from hil.run_files import TIMING_NAME
 from signals.desired import DesiredState
 from signals.errors import RecordingError
 

@@ -25,7 +25,7 @@ actions:
     ("script", "reasons"),
     [
         ("plan: hover.waypoints\n", []),
-        (LEAVES, ["the vehicle was at waypoint 1 for 9 s; the plan waits there for 30 s"]),
+        (LEAVES, ["the vehicle was at waypoint 1 for 9.4 s; the plan waits there for 30 s, 28 s are enough"]),
         (LEAVES + "outcome: any\n", []),
     ],
 )

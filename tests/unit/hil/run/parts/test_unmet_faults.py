@@ -160,6 +160,16 @@ def test_a_link_fault_that_hits_nothing_is_unmet() -> None:
     assert of(0.0).status == "PASS", "a rate of 0 is noted before the flight"
 
 
+@pytest.mark.parametrize(("rate", "status"), [(0.06, "FAIL"), (0.07, "PASS")])
+def test_a_link_fault_that_this_seed_alone_spares_is_warned_of(rate: float, status: str) -> None:
+    """A third of the seeds failed a sound bench, of 10 messages at a rate of 0.1. 0.93^10 = 0.48."""
+    fault = f"{{kind: drop, at_s: 5, for_s: 1, direction: to_autopilot, messages: [HIL_GPS], rate: {rate}}}"
+    result = fly(f"faults: {{links: [{fault}]}}\n", "expect: []\n", ("seed=2",))
+    told = "fault of the link: drop of HIL_GPS at 5 s had no effect: it hit none of 10 messages"
+    assert (result.status, result.run["unmet"]) == (status, [told])
+    assert reasons(result) == ([told] if status == "FAIL" else [])
+
+
 @pytest.mark.parametrize(
     ("fault", "met"),
     [

@@ -123,6 +123,24 @@ def test_what_a_link_of_an_earlier_run_leads_to_is_not_removed(tmp_path: Path) -
     assert log.read_text() == "mine"
 
 
+def test_pictures_and_output_of_an_earlier_runs_clients_are_removed(tmp_path: Path) -> None:
+    """The report showed the pictures as those of this run's clients."""
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    for folder in (out / "companion_a", out / "v" / "companion_b", elsewhere):
+        folder.mkdir(parents=True)
+        for name in ("report.png", "report_map.png", "model.onnx"):
+            (folder / name).write_text("mine")
+    (out / "companion_c").symlink_to(elsewhere)
+    for name in ("run.json", "companion_a.log", "v/companion_b.log", "companion.txt"):
+        (out / name).write_text("{}")
+    (tmp_path / "latest").symlink_to(out)
+    remove_earlier(tmp_path / "latest", ("v",), [str(out / "companion_a" / "report_map.png")])
+    left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file() and path.name != "run.json"}
+    kept = {"companion_a/model.onnx", "companion_a/report_map.png", "v/companion_b/model.onnx", "companion.txt"}
+    assert left == kept
+    assert (elsewhere / "report.png").exists()
+
+
 def test_a_run_that_never_began_leaves_no_report_of_an_earlier_one(tmp_path: Path) -> None:
     for name in ("run.json", "report.html", "run.mcap"):
         (tmp_path / name).write_text("{}")

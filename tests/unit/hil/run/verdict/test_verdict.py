@@ -208,9 +208,9 @@ def staying(stays: Sequence[tuple[Vec3, float]], legs: Sequence[Leg], holds_s: S
     ("first_s", "away_s", "back_s", "missed"),
     [
         (28.2, 0.0, 0.0, ""),
-        (27.8, 0.0, 0.0, "the vehicle was at waypoint 1 for 28 s; the plan waits there for 30 s"),
+        (27.8, 0.0, 0.0, "the vehicle was at waypoint 1 for 27.7 s; the plan waits there for 30 s, 28 s are enough"),
         (15.0, 9.0, 15.0, ""),  # a gust, and back again
-        (1.0, 40.0, 1.0, "the vehicle was at waypoint 1 for 2 s; the plan waits there for 30 s"),
+        (1.0, 40.0, 1.0, "the vehicle was at waypoint 1 for 1.8 s; the plan waits there for 30 s, 28 s are enough"),
     ],
 )
 def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: float, missed: str) -> None:
@@ -226,6 +226,37 @@ def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: fl
     assert judge(measured, limits).reasons == ((missed,) if missed else ())
     assert judge(measured, limits, outcome="any").status == "PASS"
     assert staying(flight, legs, []).completed, "companions are not told of the time"
+
+
+@pytest.mark.parametrize(
+    ("first_s", "away_s", "back_s", "missed"),
+    [
+        (31.0, 0.0, 0.0, "the vehicle was at waypoint 2 for 2.9 s; the plan waits there for 30 s, 28 s are enough"),
+        (10.0, 5.0, 46.4, ""),  # a gust during the first wait, and back again
+        (56.4, 0.0, 0.0, ""),
+    ],
+)
+@pytest.mark.parametrize("apart_m", [0.0, 1.5])
+def test_waits_within_one_reach_add_up(
+    first_s: float, away_s: float, back_s: float, missed: str, apart_m: float
+) -> None:
+    """Two waits of 30 s, also by a jump, were flown after 31 s: the same seconds counted for both."""
+    here, near, there = (0.0, 0.0, 10.2), (apart_m, 0.0, 10.2), (20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, here), Leg(LegKind.FLY, 1, here, here), Leg(LegKind.FLY, 2, here, near)]
+    legs += [Leg(LegKind.FLY, 3, near, there), Leg(LegKind.DESCENT, 4, there, (20.0, 0.0, HOME[2]))]
+    flight = [(near, first_s), ((0.0, 8.0, 10.2), away_s), (near, back_s), (there, 1.0), (near, 60.0), (there, 1.0)]
+    measured = staying(flight, legs, [30.0, 30.0, 0.0])
+    assert (measured.reached, measured.hold_missed, measured.completed) == (3, missed, not missed)
+
+
+@pytest.mark.parametrize(("second_s", "missed"), [(28.4, ""), (5.0, "waypoint 2 for 4.9 s")])
+def test_the_way_between_two_waits_counts_for_none(second_s: float, missed: str) -> None:
+    here, there = (0.0, 0.0, 10.2), (20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, here), Leg(LegKind.FLY, 1, here, here), Leg(LegKind.FLY, 2, here, there)]
+    legs.append(Leg(LegKind.DESCENT, 3, there, (20.0, 0.0, HOME[2])))
+    measured = staying([(here, 40.0), ((10.0, 0.0, 10.2), 60.0), (there, second_s)], legs, [30.0, 30.0])
+    assert measured.completed is not bool(missed)
+    assert missed in measured.hold_missed
 
 
 def test_a_missed_waypoint_stops_the_count_and_fails() -> None:

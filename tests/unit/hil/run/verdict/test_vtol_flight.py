@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence, Set
+
+import pytest
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.regimes import on_wings
@@ -33,13 +36,20 @@ ITEMS = [item(0, 84), item(1, 16), item(2, 85)]
 class Flight:
     """A flight in steps of 0.1 s."""
 
-    def __init__(self, rotors: Rotors = ROTORS) -> None:
+    def __init__(
+        self,
+        rotors: Rotors = ROTORS,
+        *,
+        legs: Sequence[Leg] = LEGS,
+        items: Sequence[MissionItem] = ITEMS,
+        wings: Set[int] = frozenset({1, 2}),
+    ) -> None:
         self.measured = VtolMeasurement(
-            LEGS,
-            stops_of(LEGS, ITEMS),
+            legs,
+            stops_of(legs, items),
             (PlaneLimits(), Limits()),
             rotors,
-            wings={1, 2},
+            wings=wings,
             radius_m=48.0,
             stall=Stall(10.0),
             wind_at=lambda: (0.0, 0.0, 0.0),
@@ -96,6 +106,24 @@ def test_drift_in_the_climb_counts_from_the_start() -> None:
     values = flown(drift_mps=0.2)
     # From the first judged height, 5 m, on: 8.3 of 10 s.
     assert abs((values["hover_cross_track_m"] or 0.0) - 1.66) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("side_m", "flown_m", "reached"),
+    [(4.0, 1.2, 0), (4.0, 1.6, 1), (4.0, 4.0, 2), (40.0, 36.8, 0), (40.0, 37.2, 1)],  # reach: 2.5 m of 4, 3 m of 40
+)
+def test_waypoints_in_hover_reach_as_far_as_a_multirotors(side_m: float, flown_m: float, reached: int) -> None:
+    """A hop of 4 m was flown a metre after its start: 3 m counted, however short the leg."""
+    start, corner, end = (0.0, 0.0, 30.0), (side_m, 0.0, 30.0), (side_m, side_m, 30.0)
+    legs = [LEGS[0], Leg(LegKind.FLY, 1, start, corner), Leg(LegKind.FLY, 2, corner, end)]
+    legs.append(Leg(LegKind.DESCENT, 3, end, (*end[:2], 0.0)))
+    flight = Flight(legs=legs, items=[item(0, 22), item(1, 16), item(2, 16), item(3, 21)], wings=frozenset())
+    flight.go(5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    flight.go(100, (0.0, 0.0, 3.0), HOVER)
+    flight.go(round(10 * flown_m), (1.0, 0.0, 0.0), HOVER)
+    if reached == 2:
+        flight.go(round(10 * side_m), (0.0, 1.0, 0.0), HOVER)
+    assert flight.measured.counts == (reached, 2)
 
 
 def test_slow_on_the_wings() -> None:
