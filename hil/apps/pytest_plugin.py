@@ -169,12 +169,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.hookimpl(wrapper=True, specname="pytest_runtest_setup")
 def pytest_runtest_skipped_setup(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights of a fixture that then skips the test."""
-    try:
-        return (yield)
-    except BaseException as error:
-        if _skips(error):
-            _check_flights(item, since=0)
-        raise
+    return (yield from _checked_if_skipped(item))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -183,20 +178,20 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
 
     Also those of a test that then skips itself, which nobody looks at.
     """
-    try:
-        outcome = yield
-    except BaseException as error:
-        if _skips(error):
-            _check_flights(item, since=0)
-        raise
+    outcome = yield from _checked_if_skipped(item)
     _check_flights(item, since=0)
     return outcome
 
 
-def _skips(error: BaseException) -> bool:
+def _checked_if_skipped(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Run what a hook wraps; if it skips the test, check the flights made so far."""
     from unittest import SkipTest
 
-    return isinstance(error, (pytest.skip.Exception, SkipTest))
+    try:
+        return (yield)
+    except (pytest.skip.Exception, SkipTest):
+        _check_flights(item, since=0)
+        raise
 
 
 @pytest.hookimpl(wrapper=True)

@@ -11,16 +11,11 @@ from numpy.typing import NDArray
 
 from sim._kernels import RayCaster
 from sim.frame.geometry import FrameGeometry
+from sim.scene.classes import GROUND_CLASSES
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
 
-GROUND_CLASSES = frozenset(
-    {
-        "ground", "path", "road", "grass", "terrain", "sidewalk", "pavement", "crossing", "marking", "lawn", "pad",
-        "hill",
-    }
-)  # fmt: skip
 _ABOVE_M = 300.0  # height from which rays are cast down
 _MAX_HEIGHT_DIFFERENCE_M = 0.04
 _BODY_RADIUS_M = 0.45  # must be free

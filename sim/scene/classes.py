@@ -70,6 +70,14 @@ CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
     "runway": (70, 70, 84),
 }
 
+# On which people stand and walk.
+GROUND_CLASSES = frozenset(
+    {
+        "ground", "path", "road", "grass", "terrain", "sidewalk", "pavement", "crossing", "marking", "lawn", "pad",
+        "hill",
+    }
+)  # fmt: skip
+
 # Colours for a scene's own classes, in turn; easy to tell from each other.
 _EXTRA_COLOURS = (
     (255, 0, 255),

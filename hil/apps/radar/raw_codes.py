@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.run.parts.judges.radar_echoes import clipping
 from signals.words import counted
-
-_CLIPPED_SHARE = 0.01  # of the samples, as in a run
 
 
 class RawCodes:
@@ -38,7 +37,5 @@ class RawCodes:
             f"channel {channel + 1} has one code only in {counted(self._frames, 'frame')}: it is not connected"
             for channel in silent
         ]
-        if self._clipped > _CLIPPED_SHARE * self._samples:
-            share = self._clipped / self._samples
-            told.append(f"the converter clipped {share:.0%} of the samples, so that ranges and speeds are false")
-        return told
+        clipped = clipping(self._clipped, self._samples)
+        return [*told, clipped] if clipped else told

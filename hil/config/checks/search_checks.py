@@ -12,7 +12,7 @@ from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, Companion
 from signals.documents.validate import at, nearest
 from signals.errors import Problem
-from sim.randomize.free_ground import GROUND_CLASSES
+from sim.scene.classes import GROUND_CLASSES
 from sim.scene.scene import Scene
 from sim.world_loader import load_world
 

@@ -8,6 +8,13 @@ from hil.run.part import Part, RunContext
 _CLIPPED_SHARE = 0.01  # of the samples
 
 
+def clipping(clipped: int, samples: int) -> str:
+    """Describe a converter that clips too many of its samples; "": it does not."""
+    if clipped <= _CLIPPED_SHARE * samples:
+        return ""
+    return f"the converter clipped {clipped / samples:.0%} of the samples, so that ranges and speeds are false"
+
+
 class RadarEchoesPart(Part):
     name = "radar_echoes"
 
@@ -17,11 +24,8 @@ class RadarEchoesPart(Part):
             if counts.frames and not counts.echoes:
                 why = "look where it or its camera points (mount_rpy_deg), and at its mask"
                 run.say("warning", f"radar {name}: no echo in any of {counts.frames} frames: {why}")
-            if counts.clipped > _CLIPPED_SHARE * counts.samples:
-                share = f"the converter clipped {counts.clipped / counts.samples:.0%} of the samples"
-                run.say(
-                    "warning", f"radar {name}: {share}, so that ranges and speeds are false: lower conversion_gain_db"
-                )
+            if told := clipping(counts.clipped, counts.samples):
+                run.say("warning", f"radar {name}: {told}: lower conversion_gain_db")
 
 
 def make(bench: Bench) -> Part:  # noqa: ARG001

@@ -18,12 +18,12 @@ from sim.frame.renderer import FrameRenderer
 from sim.physics.contact_model import build_model
 from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import load_vehicle
-from sim.randomize.free_ground import GROUND_CLASSES
 from sim.randomize.light import black_body, draw_light, draw_weather
 from sim.randomize.settings import FEATURES, HazeLimits, LightLimits, NoiseLimits, Randomize, TextureLimits
 from sim.randomize.variant import drawn, randomized
 from sim.scene.added_object import OBJECT
 from sim.scene.appearance import OBJECT_KINDS
+from sim.scene.classes import GROUND_CLASSES
 from sim.scene.scene import Box, Scene, load_scene, scene_names
 from sim.scene.surface_appearance import draw_surface
 from sim.scene.weather import Weather
