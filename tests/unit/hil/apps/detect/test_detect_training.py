@@ -126,6 +126,13 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
     assert not train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path / "new").resume()
     # Weights of one training begin another.
     assert other.load_weights(tmp_path / "stopped" / train.CHECKPOINT)[0] > 50
+    # One of a network of other blocks is told of; its tensors do not fit.
+    path = tmp_path / "stopped" / train.CHECKPOINT
+    data = {**torch.load(path, weights_only=True), "network": {"mid_blocks": 2}}
+    del data["digest"]
+    torch.save({**data, "digest": train.digest_of(data)}, path)
+    with pytest.raises(ConfigError, match="other network"):
+        resumed.resume()
     torch.save({"some": torch.zeros(3)}, tmp_path / "other.pt")
     with pytest.raises(ConfigError, match="no weights that fit"):
         other.load_weights(tmp_path / "other.pt")
