@@ -23,7 +23,7 @@ CPP_SUFFIXES = {".cpp", ".hpp"}
 EXAMPLES = "docs/examples"  # in the wheel as hil/examples
 MODULES = ("firmware_bridge/_native", "hil/apps/identify/_programs", "signals/_kernel", "sim/_kernels")
 DEFAULT_BENCH = "rigs/benches/hil.yaml"
-MAX_SIZE_MB = 45.0  # 22 MB of them models and textures
+MAX_SIZE_MB = 36.0  # 30 MB of them models and textures
 Command = list[str | Path]
 
 

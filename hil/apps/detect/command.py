@@ -87,7 +87,7 @@ def train_detector(
 ) -> Path:
     """Train, export and evaluate a detector, and return its .onnx file.
 
-    `weights` are PyTorch weights to start from; with `keep_classes` the detector has their classes. Raises ConfigError
+    `weights`: a model or checkpoint to start from; with `keep_classes` the detector has its classes. Raises ConfigError
     for unusable data or weights, RecordingError if a file cannot be written.
     """
     make_client_importable()
@@ -105,7 +105,7 @@ def train_detector(
     if keep_classes:
         classes = () if weights is None else read_start_weights(weights).classes
         if not classes:
-            hint = "give the .pt of a model with its .json beside it, or a last.pt, with --weights"
+            hint = "give a model or a last.pt with --weights"
             raise ConfigError([Problem("--keep-classes", "needs weights whose classes are known", hint)])
     training = Training(pictures, validation, settings, out=out, classes=classes)
     if weights is None and settings.start_share:

@@ -15,7 +15,10 @@ from tests.worlds.scripted_bench import CLIENT
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
 WITH_OPENCV = {"detect", "explore", "locate"}  # folders
 WITH_SCIPY = {"locate/partition.py", "locate/tracks.py"}  # of the extra `detect`
-BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
+BACKENDS = {
+    "detect/backends/onnx_runtime.py": {"onnxruntime"},
+    "detect/backends/pytorch.py": {"torch", "onnx", "google"},
+}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
 # Python 3.8 cannot evaluate X | Y and list[X] at import, which happens outside annotations.
 BUILTIN_GENERICS = {"dict", "list", "tuple", "set", "frozenset", "type"}

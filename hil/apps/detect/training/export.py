@@ -1,4 +1,4 @@
-"""Export of trained weights to a companion's model files: NAME.onnx, its description NAME.json, NAME.pt for PyTorch.
+"""Export of trained weights to a companion's model files: NAME.onnx and its description NAME.json.
 
 Batch normalisation is folded into the preceding convolutions, so that all back ends compute the same products. The
 exporter is PyTorch's older one, which needs no further package, with an operator set that OpenCV 4.5 reads.
@@ -10,7 +10,6 @@ import copy
 import hashlib
 import json
 import warnings
-import zipfile
 from pathlib import Path
 
 import torch
@@ -57,14 +56,18 @@ def export(
     threshold: float,
     input_px: tuple[int, int] = INPUT_PX,
 ) -> ModelFile:
-    """Write the three model files; `path` is the .onnx file. Raises RecordingError."""
-    inference_model = folded(model)
+    """Write both model files; `path` is the .onnx file. Raises RecordingError."""
+    # No layer of a folded network depends on the mode, and of one in evaluation the exporter merges equal tensors, so
+    # that a training that starts from the file would miss some.
+    inference_model = folded(model).train()
     blob = torch.zeros(1, 3, input_px[1], input_px[0])
     outputs = [f"level{i}" for i in range(len(LEVELS))]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # this exporter and TorchScript are deprecated, but JetPack needs both
+            warnings.simplefilter(
+                "ignore"
+            )  # this exporter is deprecated, but OpenCV 4.5 does not read what the newer one writes
             torch.onnx.export(
                 inference_model,
                 (blob,),
@@ -73,25 +76,15 @@ def export(
                 output_names=outputs,
                 dynamic_axes=_free_axes(outputs),
                 opset_version=OPERATOR_SET,
+                training=torch.onnx.TrainingMode.PRESERVE,
                 dynamo=False,
             )
-            torch.jit.trace(inference_model, blob, check_trace=False).save(str(path.with_suffix(".pt")))
-        _remove_debug_records(path.with_suffix(".pt"))
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         model_file = describe(path, classes, input_px=input_px, sha256=digest, threshold=threshold)
         path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"{path}: the model cannot be written ({error})") from error
     return ModelFile.load(path)
-
-
-def _remove_debug_records(file: Path) -> None:
-    """Remove the debug records of a TorchScript file, which contain file paths of the machine that wrote it."""
-    with zipfile.ZipFile(file) as old:
-        entries = [(info, old.read(info)) for info in old.infolist() if not info.filename.endswith(".debug_pkl")]
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as new:
-        for info, data in entries:
-            new.writestr(zipfile.ZipInfo(info.filename, info.date_time), data)
 
 
 def _free_axes(outputs: list[str]) -> dict[str, dict[int, str]]:

@@ -1,4 +1,4 @@
-"""Weights to start a training from: a checkpoint, a state_dict, or the TorchScript file of an exported model.
+"""Weights to start a training from: a checkpoint, a state_dict, or the ONNX file of an exported model.
 
 An export has batch normalisation folded into its convolutions. Training needs it back: with mean m and variance v of a
 convolution's outputs over some training pictures,
@@ -12,15 +12,14 @@ are the same function, and the statistics of training batches, which are close t
 
 from __future__ import annotations
 
-import json
-import warnings
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
+from hil_companion.detect.model_file import SHIPPED, ModelFile
+from hil_companion.errors import OptionError
 from torch import Tensor, nn
 
 from signals.errors import ConfigError, Problem
@@ -38,18 +37,29 @@ class StartWeights:
 
 
 def read_start_weights(path: Path) -> StartWeights:
-    """Read a checkpoint, a state_dict or a TorchScript file. Raises ConfigError."""
-    if _is_torch_script(path):
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # TorchScript is deprecated, but JetPack needs it
-                tensors = torch.jit.load(path, map_location="cpu").state_dict()
-        except RuntimeError as error:
-            raise _no_weights(path, error) from None
-        return StartWeights(tensors, _classes_beside(path), folded=True)
+    """Read a checkpoint, a state_dict or a model: its ONNX file or the name of a shipped one. Raises ConfigError."""
+    if path.suffix == ".onnx" or str(path) in SHIPPED:
+        return _of_model(path)
     data = read_tensors(path)
     tensors = {k: v for k, v in data.get("average", data).items() if isinstance(v, Tensor)}
     return StartWeights(tensors, tuple(data.get("classes", ())), folded=False)
+
+
+def _of_model(path: Path) -> StartWeights:
+    try:
+        model = ModelFile.load(path)
+        import onnx
+        from onnx.numpy_helper import to_array
+
+        initializers = onnx.load(model.path).graph.initializer
+    except OptionError as error:
+        raise ConfigError([Problem("--weights", str(error))]) from None
+    except ImportError as error:
+        raise ConfigError([Problem(str(path), f"needs the package onnx ({error})", "pip install onnx")]) from None
+    except Exception as error:  # noqa: BLE001  protobuf's errors have no public common base class
+        raise _no_weights(path, error) from None
+    tensors = {tensor.name: torch.from_numpy(to_array(tensor).copy()) for tensor in initializers}
+    return StartWeights(tensors, model.classes, folded=True)
 
 
 def read_tensors(path: Path) -> Mapping[str, Any]:
@@ -140,21 +150,3 @@ def _normalised_convolutions(model: nn.Module) -> list[tuple[str, str]]:
                 if isinstance(module[i], nn.Conv2d) and isinstance(module[i + 1], nn.BatchNorm2d):
                     pairs.append((f"{name}.{i}", f"{name}.{i + 1}"))
     return pairs
-
-
-def _is_torch_script(path: Path) -> bool:
-    try:
-        with zipfile.ZipFile(path) as file:
-            return any("/code/" in name for name in file.namelist())
-    except (OSError, zipfile.BadZipFile):
-        return False
-
-
-def _classes_beside(path: Path) -> tuple[str, ...]:
-    """Return the classes in the description beside a TorchScript file. Raises ConfigError."""
-    file = path.with_suffix(".json")
-    try:
-        return tuple(str(name) for name in json.loads(file.read_text())["classes"])
-    except (OSError, ValueError, KeyError, TypeError):
-        hint = "keep the files that the training has written together"
-        raise ConfigError([Problem(str(file), f"is not a description of the model {path}", hint)]) from None

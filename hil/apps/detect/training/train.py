@@ -191,7 +191,7 @@ class Training:
             state = normalisation_renamed(self.model, state)
         fitting = {k: v for k, v in state.items() if k in current and v.shape == current[k].shape}
         if not fitting:
-            hint = f"give a {CHECKPOINT} or a .pt of `hil detect train`, or a state_dict of its model"
+            hint = f"give a model or a {CHECKPOINT} of `hil detect train`, or a state_dict of its network"
             raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
         if self.settings.start_share:
             needed = normalisation_renamed(self.model, folded(self.model).state_dict()) if start.folded else current

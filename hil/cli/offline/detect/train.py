@@ -36,7 +36,7 @@ class TrainOptions:
     ] = None
     test: Annotated[list[Path] | None, typer.Option(help="Data sets for the test; default the part 'test'.")] = None
     weights: Annotated[
-        Path | None, typer.Option(help="PyTorch weights to start from; those that do not fit are ignored.")
+        Path | None, typer.Option(help="Start from fast, good, a .onnx or a last.pt; what does not fit is ignored.")
     ] = None
     start_share: Annotated[
         float, typer.Option(help="Share of --weights in the result, 0 to 1; the rest is the training's.")

@@ -127,11 +127,6 @@ class ModelFile:
             )
         return model
 
-    @property
-    def torch_path(self) -> Path:
-        """Return the path of the same model for PyTorch."""
-        return self.path.with_suffix(".pt")
-
     def description(self) -> dict[str, Any]:
         """Return the entries of NAME.json, which `load` reads."""
         return {

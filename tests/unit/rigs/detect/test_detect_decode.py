@@ -13,7 +13,7 @@ import pytest
 from tests.worlds.scripted_bench import CLIENT
 
 from hil_companion.detect.model_file import Level, by_anchor  # isort: skip
-from hil_companion.detect.backends import open_backend  # isort: skip
+from hil_companion.detect.backends import BACKENDS, open_backend  # isort: skip
 from hil_companion.detect.decode import MAX_DETECTIONS, decode, overlaps  # isort: skip
 from hil_companion.detect.detector import check_picture  # isort: skip
 from hil_companion.detect.decode import Letterbox  # isort: skip
@@ -245,14 +245,19 @@ def test_back_ends_that_are_not_there_or_read_nonsense(model: ModelFile) -> None
         open_backend("tensorflow", model)
     with pytest.raises(OptionError, match="at least 1"):
         open_backend("opencv", model, 0)
-    with pytest.raises(OptionError, match="cannot read it"):
-        open_backend("opencv", model)
-    pytest.importorskip("onnxruntime")
-    with pytest.raises(OptionError, match="cannot read it"):
-        open_backend("onnxruntime", model)
 
 
-def test_pytorch_without_its_file_says_so(model: ModelFile) -> None:
+@pytest.mark.parametrize("backend", sorted(BACKENDS))
+def test_a_back_end_refuses_a_file_that_is_no_network(model: ModelFile, backend: str) -> None:
+    pytest.importorskip(f"hil_companion.detect.backends.{BACKENDS[backend][0]}")
+    with pytest.raises(OptionError, match="cannot read it"):
+        open_backend(backend, model)
+
+
+def test_pytorch_names_an_operator_that_it_does_not_know(model: ModelFile) -> None:
     pytest.importorskip("torch")
-    with pytest.raises(OptionError, match=r"small\.pt: not there"):
+    onnx = pytest.importorskip("onnx")
+    graph = onnx.helper.make_graph([onnx.helper.make_node("Softmax", ["x"], ["level0"])], "net", [], [])
+    model.path.write_bytes(onnx.helper.make_model(graph).SerializeToString())
+    with pytest.raises(OptionError, match=r"operator Softmax; detectors of .* have Conv, Relu, Add"):
         open_backend("pytorch", model)

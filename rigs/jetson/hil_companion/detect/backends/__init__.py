@@ -18,7 +18,7 @@ from hil_companion.errors import CutError, OptionError
 BACKENDS = {
     "opencv": ("opencv_dnn", "opencv-python-headless"),
     "onnxruntime": ("onnx_runtime", "onnxruntime, or onnxruntime-gpu"),
-    "pytorch": ("pytorch", "torch"),
+    "pytorch": ("pytorch", "torch onnx"),
 }
 
 
@@ -27,7 +27,6 @@ class Backend:
 
     def __init__(self, name: str, model: ModelFile, threads: int | None) -> None:
         self.name, self._model = name, model
-        self._file = model.torch_path if name == "pytorch" else model.path
         module, package = BACKENDS[name]
         try:
             self._library = importlib.import_module(f"{__name__}.{module}")
@@ -35,10 +34,8 @@ class Backend:
             raise OptionError(f"back end {name} is not installed here ({error}); pip install {package}") from None
         try:
             self._run = self._library.load(model, threads)
-        except OptionError:
-            raise
         except self._library.ERRORS as error:
-            raise OptionError(f"{self._file}: {self._library.LIBRARY} cannot read it ({_first(error)})") from None
+            raise OptionError(f"{model.path}: {self._library.LIBRARY} cannot read it ({_first(error)})") from None
 
     def forward(self, blob: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return logits (N, classes) and offsets (N, 4) for an input (1, 3, H, W) float32. Raises CutError."""
@@ -46,7 +43,7 @@ class Backend:
         try:
             return by_anchor(model.levels, model.input_px, self._run(blob), len(model.classes))
         except (ValueError, *self._library.ERRORS) as error:
-            raise CutError(f"{self._file}: {self._library.LIBRARY} cannot run it ({_first(error)})") from None
+            raise CutError(f"{model.path}: {self._library.LIBRARY} cannot run it ({_first(error)})") from None
 
 
 def open_backend(name: str, model: ModelFile, threads: int | None = None) -> Backend:

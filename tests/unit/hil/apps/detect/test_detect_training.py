@@ -26,6 +26,7 @@ from tests.worlds.labelled_pictures import some_objects, write_data_set  # noqa:
 
 make_client_importable()
 from hil_companion.detect import decode as numpy_decode  # noqa: E402
+from hil_companion.detect.backends import BACKENDS  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
 
@@ -36,7 +37,7 @@ from hil.apps.detect.training.export import export, folded, with_threshold  # no
 from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe  # noqa: E402
 from hil.apps.detect.training.loss import QualityFocal, boxes_px, detection_loss, overlaps  # noqa: E402
 from hil.apps.detect.training.model import SsdLite, Widths, by_anchor, new_blocks  # noqa: E402
-from hil.apps.detect.training.start_weights import normalisation_renamed, set_statistics  # noqa: E402
+from hil.apps.detect.training.start_weights import normalisation_renamed, read_start_weights, set_statistics  # noqa: E402
 
 QUICK: dict[str, Any] = {"epochs": 2, "batch": 2, "min_objects": 1, "threads": 1, "validate_every": 2}
 
@@ -207,7 +208,7 @@ def test_a_training_begins_with_an_exported_model(pictures: list[Picture], tmp_p
     _run(first)
     export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
     second = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "second")
-    loaded, total = second.load_weights(tmp_path / "net.pt")
+    loaded, total = second.load_weights(tmp_path / "net.onnx")
     assert loaded == total
     blob = torch.randn(2, 3, INPUT_PX[1], INPUT_PX[0])
     with torch.no_grad():
@@ -228,12 +229,12 @@ def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: 
     for share in (0.0, 0.25):
         settings = train.Settings(**{**QUICK, "seed": 2, "start_share": share})
         training = train.Training(pictures, [], settings, out=tmp_path / f"{share}")
-        training.load_weights(tmp_path / "net.pt")
+        training.load_weights(tmp_path / "net.onnx")
         _run(training)
         trainings.append(training)
     without, shared = trainings
     assert without.result is without.averaged
-    start, end = torch.jit.load(tmp_path / "net.pt").state_dict(), folded(without.averaged).state_dict()
+    start, end = read_start_weights(tmp_path / "net.onnx").tensors, folded(without.averaged).state_dict()
     mean = shared.result.state_dict()
     assert mean.keys() == start.keys() == end.keys()
     for name, value in mean.items():
@@ -242,7 +243,7 @@ def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: 
     assert not torch.equal(mean["stem.0.weight"], end["stem.0.weight"])
     # A training that goes on has the start of its weights file, too.
     again = train.Training(pictures, [], shared.settings, out=shared.out)
-    again.load_weights(tmp_path / "net.pt")
+    again.load_weights(tmp_path / "net.onnx")
     assert again.resume()
     assert again.weights_digest() == shared.weights_digest() != without.weights_digest()
     # One from other weights is refused; without a share they would have no part in the result.
@@ -257,7 +258,7 @@ def test_the_result_has_a_share_of_the_start(pictures: list[Picture], tmp_path: 
             other.resume()
 
 
-@pytest.mark.parametrize("suffix", [".pt", "_state.pt"])
+@pytest.mark.parametrize("suffix", [".onnx", "_state.pt"])
 def test_a_share_needs_weights_that_fit_the_whole_network(pictures: list[Picture], tmp_path: Path, suffix: str) -> None:
     """A part that does not fit would have a share of random numbers. Without a share, parts are welcome."""
 
@@ -296,7 +297,7 @@ def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> 
     second = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "second")
     second.classes = tuple(reversed(first.classes))
     export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
-    second.load_weights(tmp_path / "net.pt")
+    second.load_weights(tmp_path / "net.onnx")
     blob = torch.randn(1, 3, INPUT_PX[1], INPUT_PX[0])
     count = len(first.classes)
     with torch.no_grad():
@@ -304,19 +305,34 @@ def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> 
         turned, same = by_anchor(second.averaged(blob), count)
     assert torch.allclose(logits.flip(-1), turned, atol=2e-3, rtol=2e-3)
     assert torch.allclose(offsets, same, atol=2e-3, rtol=2e-3)
-    whole = (tmp_path / "net.pt").read_bytes()
-    (tmp_path / "net.pt").write_bytes(whole[:5000] + whole[50_000:])
-    with pytest.raises(ConfigError, match="is not a file of PyTorch weights"):
-        second.load_weights(tmp_path / "net.pt")
-    (tmp_path / "net.pt").write_bytes(whole)
+    whole = (tmp_path / "net.onnx").read_bytes()
+    (tmp_path / "net.onnx").write_bytes(whole[:5000] + whole[50_000:])
+    with pytest.raises(ConfigError, match=r"--weights: .*net\.json: describes another model"):
+        second.load_weights(tmp_path / "net.onnx")
     (tmp_path / "net.json").unlink()
-    with pytest.raises(ConfigError, match="not a description of the model"):
-        second.load_weights(tmp_path / "net.pt")
+    with pytest.raises(ConfigError, match=r"--weights: .*net\.json: cannot be read"):
+        second.load_weights(tmp_path / "net.onnx")
 
 
-@pytest.mark.parametrize("backend", ["opencv", "onnxruntime", "pytorch"])
+def test_the_file_has_each_tensor_of_a_network_in_which_some_are_equal(tmp_path: Path) -> None:
+    """New blocks have projections of zeros and biases of zeros, all alike."""
+    net = SsdLite(3, [v.anchors_per_position for v in LEVELS])
+    export(net, tmp_path / "net.onnx", ("a", "b", "c"), threshold=0.3)
+    start, expected = read_start_weights(tmp_path / "net.onnx"), folded(net).state_dict()
+    assert start.classes == ("a", "b", "c")
+    assert start.tensors.keys() == expected.keys()
+    assert all(torch.equal(start.tensors[name], value) for name, value in expected.items())
+
+
+def test_a_training_begins_with_a_shipped_model_by_its_name() -> None:
+    start = read_start_weights(Path("good"))
+    assert start.folded
+    assert "person" in start.classes
+
+
+@pytest.mark.parametrize("backend", sorted(BACKENDS))
 def test_back_ends_find_the_same_boxes_as_the_network(model: Any, backend: str) -> None:
-    pytest.importorskip({"opencv": "cv2", "onnxruntime": "onnxruntime", "pytorch": "torch"}[backend])
+    pytest.importorskip(f"hil_companion.detect.backends.{BACKENDS[backend][0]}")
     net, file = model
     detector = Detector(file, backend, threads=1)
     detector.warm_up()
