@@ -21,6 +21,7 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mount import Mount
 from sim.radar.interference import Interfered, Path, Transmission
+from sim.scene.scene_map import actor_pose
 
 _REST: Vec3 = (0.0, 0.0, 0.0)
 
@@ -57,9 +58,7 @@ class OtherRadars:
     def _path(self, pose: CameraPose, other: _Announced, t_ns: int) -> Path | None:
         """Return the way to another radar; None if something is on it."""
         actor = self._geometry.world.map.actors[other.actor]
-        n = len(actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        actor.pose(t_ns, p, q, v, w)
+        p, q, v, w = actor_pose(actor, t_ns)
         if not np.all(np.isfinite(p[0])):
             return None
         q_WB, w_W = tuple(q[0].tolist()), tuple(w[0].tolist())

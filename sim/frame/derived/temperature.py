@@ -26,6 +26,7 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.derived import View
 from sim.frame.infrared_air import AirTransmission
 from sim.scene.heat import BONNET_K, CLOTHES_SHARE, HAIR_SHARE, SKIN_K, TYRE_K, climate_of, heat_of
+from sim.scene.scene_map import actor_pose
 from sim.scene.surfaces import CLOTH, HAIR, RUBBER, SKIN
 
 Float64 = NDArray[np.float64]
@@ -148,9 +149,7 @@ class _Bonnet:
 
     def pose(self, t_ns: int) -> tuple[Float64, tuple[float, ...]]:
         """Return position and rotation of the first body at a time."""
-        n = len(self._actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        self._actor.pose(t_ns, p, q, v, w)
+        p, q, _, _ = actor_pose(self._actor, t_ns)
         a, b, c, d = q[0].tolist()
         return p[0], tuple(matrix_of((a, b, c, d)))
 

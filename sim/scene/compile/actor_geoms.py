@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
 from sim.scene.placed.actor import ObjectActor
-from sim.scene.scene_map import Actor
+from sim.scene.scene_map import Actor, actor_pose
 from sim.scene.world import World
 
 _TOUCH_M = 1e-3
@@ -29,9 +29,7 @@ def actor_geoms(model: mujoco.MjModel, body: str) -> range:
 
 def pose_geoms(model: mujoco.MjModel, data: mujoco.MjData, actor: Actor, t_ns: int) -> None:
     """Write the poses of an actor's geoms at `t_ns`."""
-    n = len(actor.bodies)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    actor.pose(t_ns, p, q, v, w)
+    p, q, _, _ = actor_pose(actor, t_ns)
     for name, p_WB, q_WB in zip(actor.bodies, p, q.tolist(), strict=True):
         R_WB = np.array(matrix_of(q_WB)).reshape(3, 3)
         for geom in actor_geoms(model, name):

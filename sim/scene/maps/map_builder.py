@@ -26,7 +26,7 @@ from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.season import Season
 from sim.scene.maps.shipped_mesh import ShippedMesh
-from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface
+from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface, actor_pose
 
 # Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0
@@ -342,10 +342,9 @@ class MapBuilder:
 
     def actor(self, actor: Actor, *, at_origin: bool = False) -> list[Body]:
         """Register an actor, and add its mocap bodies at their poses of t = 0, or at the origin."""
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.tile(NO_TURN, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))
-        if not at_origin:
-            actor.pose(0, p, q, v, w)
+        p, q, _, _ = actor_pose(actor, 0)
+        if at_origin:
+            p[:], q[:] = 0.0, NO_TURN
         self._actors.append(actor)
         poses = zip(actor.bodies, p.tolist(), q.tolist(), strict=True)
         return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]  # type: ignore[arg-type]
