@@ -347,7 +347,7 @@ class MapBuilder:
             p[:], q[:] = 0.0, NO_TURN
         self._actors.append(actor)
         poses = zip(actor.bodies, p.tolist(), q.tolist(), strict=True)
-        return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]  # type: ignore[arg-type]
+        return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]
 
     def corner(self, corner: CornerReflector) -> None:
         """Register the triple bounce of a corner reflector; its plates are geoms of their own."""
