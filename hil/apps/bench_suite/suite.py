@@ -16,7 +16,7 @@ from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, import_case, is_here
 from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 
 # Name -> (module, title of the plot); modules of `lab` are found in a checkout only. The module has a function
 # `measure(*, quick, status) -> BenchmarkResult`, which takes `options` too if `hil bench --set` applies to it, and
@@ -124,10 +124,8 @@ def _run(
         result.keep_errors()
     _print(result, console)
     if json is not None:
-        try:
+        with file_errors(json):
             json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
-        except OSError as error:
-            raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
         plot = json.with_suffix(".png")
         further = draw(result, title, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
@@ -139,15 +137,13 @@ def _check_writable(file: Path) -> None:
 
     Raises RecordingError.
     """
-    try:
+    with file_errors(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         existed = file.exists()
         with file.open("a"):
             pass
         if not existed:
             file.unlink()
-    except OSError as error:
-        raise RecordingError(f"{file}: cannot be written ({error.strerror or error})") from error
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:

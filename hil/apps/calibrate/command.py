@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from sim.radar.calibration import Calibration, Fitted, calibrate
 from sim.radar.preset_text import Hardware, hardware_of, preset_text, with_receivers
 from sim.radar.recording import Recording, load_recording
@@ -75,13 +75,11 @@ def _write(
     from hil.apps.calibrate.picture import draw_calibration  # imported late: matplotlib takes half a second
 
     text = preset_text(calibration, recording, hardware, part=preset_name, source=source)
-    try:
+    with file_errors(files.preset):
         temporary = files.preset.with_suffix(".tmp")
         temporary.write_text(text, encoding="utf-8")  # a full disk must not destroy an existing preset
         os.replace(temporary, files.preset)
         draw_calibration(calibration, recording, files.picture)
-    except OSError as error:
-        raise RecordingError(f"{files.preset}: cannot be written ({error.strerror or error})") from error
 
 
 def _frames(text: str | None) -> tuple[int, int] | None:

@@ -16,7 +16,7 @@ from hil.apps.dataset.formats.labels import Catalogue
 from hil.apps.dataset.formats.nuscenes import AnnotatedFrame, Rig, Scene, Tables
 from hil.apps.dataset.formats.split import Split
 from hil.apps.dataset.plan import DatasetPlan
-from hil.apps.dataset.storage.tree import TreeWriter, Written, make_folder, unwritable
+from hil.apps.dataset.storage.tree import TreeWriter, Written, make_folder, writes
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.frame.mount import Mount
@@ -49,12 +49,10 @@ def object_files(
 
 def link(path: Path, target: str) -> None:
     """Make a link to a file or folder of the data set. Raises RecordingError."""
-    try:
+    with writes(path):
         if not path.is_symlink():
             make_folder(path.parent)
             os.symlink(target, path)
-    except OSError as error:
-        raise unwritable(path, error) from error
 
 
 def _kitti(plan: DatasetPlan, tree: TreeWriter, split: Split, frames: Frames) -> Iterator[Written]:

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from hil.config.companion.clients import make_client_importable
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from signals.words import counted
 
 if TYPE_CHECKING:
@@ -252,7 +252,5 @@ def _print_table(result: Evaluation, console: Console, title: str) -> None:
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:
-    try:
+    with file_errors(path):
         path.write_text(json.dumps(data, indent=1) + "\n")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error

@@ -25,7 +25,7 @@ from hil.apps.radar.raw_codes import RawCodes
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from signals.time import NS_PER_S
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import Recording, save_recording
@@ -75,16 +75,13 @@ def process_radar(
     folder = outputs.folder if outputs.folder is not None else _folder(target)
     dca1000 = outputs.dca1000
     capture = None if dca1000 is None else Dca1000File(dca1000, source.parameters, source.part)
-    try:
-        with locked_folder(folder), capture or nullcontext():
-            results, made_frames = _process(source, console, capture, quiet=quiet)
-            results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
-            files = results.write(folder, title=f"{_name(target)}: {source.description}")
-            if source.from_pictures and made_frames:
-                save_recording(folder / "raw.npz", _recording(source, made_frames))
-                files += [folder / "raw.npz", folder / "raw.json"]
-    except OSError as error:
-        raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
+    with file_errors(folder, "the results cannot be written"), locked_folder(folder), capture or nullcontext():
+        results, made_frames = _process(source, console, capture, quiet=quiet)
+        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
+        files = results.write(folder, title=f"{_name(target)}: {source.description}")
+        if source.from_pictures and made_frames:
+            save_recording(folder / "raw.npz", _recording(source, made_frames))
+            files += [folder / "raw.npz", folder / "raw.json"]
     if capture is not None:
         files += [capture.path, *capture.settings_files]
     return files

@@ -24,7 +24,7 @@ from hil.config.files import available, find, is_bare
 from hil.run.report.run_folder import run_folder
 from signals.classes import Classes
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
@@ -78,18 +78,15 @@ def view_scene(
     scene, world, frames = (load or partial(load_frames, appearance=None if variants else appearance))(name, seed)
     points = _points(scene, world, frames, position, direction)
     folder = out if out is not None else Path("runs") / f"view-{scene.name}"
-    try:
-        with run_folder(folder):
-            if variants:
-                from hil.apps.view.variants import draw_variants  # matplotlib
+    with file_errors(folder, "the pictures cannot be written"), run_folder(folder):
+        if variants:
+            from hil.apps.view.variants import draw_variants  # matplotlib
 
-                return draw_variants(folder, scene, appearance, variants, points[0], model)
-            try:
-                return _write_pictures(folder, scene, frames, points, model, rendering)
-            finally:
-                frames.close()
-    except OSError as error:
-        raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
+            return draw_variants(folder, scene, appearance, variants, points[0], model)
+        try:
+            return _write_pictures(folder, scene, frames, points, model, rendering)
+        finally:
+            frames.close()
 
 
 def load_frames(

@@ -29,7 +29,7 @@ from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
 from hil.run_files import SUMMARY_NAME
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from signals.processors import usable_processors
 from signals.words import counted
 
@@ -178,11 +178,9 @@ def _write(path: Path, case: str, outcome: Outcome, found: Shrunk, bench: Path |
         "set": list(found.texts),
         "command": _command(bench, found),
     }
-    try:
+    with file_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_run_json(path, data)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _command(bench: Path | None, found: Shrunk) -> str:

@@ -21,7 +21,7 @@ from hil.config.saved import save_with_vehicles
 from hil.data_set_files import MANIFEST
 from hil.run_files import BENCH_NAME
 from signals.documents.yaml_lines import parse_yaml
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 
 FORMAT = 4
 LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
@@ -63,12 +63,10 @@ def saved_bench(plan: DatasetPlan) -> dict[str, bytes]:
     """Return the bench as files, by name. Raises RecordingError if no temporary folder can be written."""
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as name:
         folder = Path(name)
-        try:
+        with file_errors(folder, "the bench cannot be saved here"):
             save_with_vehicles(plan.group or plan.bench, folder)
             paths = sorted(path for path in folder.rglob("*") if path.is_file())
             return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
-        except OSError as error:
-            raise RecordingError(f"{folder}: the bench cannot be saved here ({error.strerror or error})") from error
 
 
 def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mapping[str, bytes]) -> None:

@@ -21,7 +21,7 @@ from pathlib import Path
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.storage.journal import BatchRecord
-from hil.apps.dataset.storage.tree import Written, make_folder, unwritable
+from hil.apps.dataset.storage.tree import Written, make_folder, writes
 from hil.run.recorder.mcap.topics import Columns
 from signals.errors import RecordingError
 from signals.samples import (
@@ -145,10 +145,8 @@ class Tables:
         for table in self._tables.values():
             path = root / table.path
             make_folder(path.parent)
-            try:
+            with writes(path):
                 path.unlink(missing_ok=True)
-            except OSError as error:
-                raise unwritable(path, error) from error
 
     @property
     def rows(self) -> dict[str, int]:
@@ -188,7 +186,7 @@ class Tables:
         for name, text in texts.items():
             table, data = by_path[name], text.encode()
             path = self._root / name
-            try:
+            with writes(path):
                 file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
                 try:
                     if os.write(file, data) != len(data):
@@ -196,8 +194,6 @@ class Tables:
                         raise OSError("the file system took no more bytes")
                 finally:
                     os.close(file)
-            except OSError as error:
-                raise unwritable(path, error) from error
             table.size += len(data)
             table.crc32 = zlib.crc32(data, table.crc32)
 
@@ -208,7 +204,7 @@ class Tables:
 
 def sync_file_system(folder: Path) -> None:
     """Flush the file system of `folder` to the disk. Raises RecordingError if that fails."""
-    try:
+    with writes(folder):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             syncfs = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
@@ -219,8 +215,6 @@ def sync_file_system(folder: Path) -> None:
                 raise OSError(error, os.strerror(error))
         finally:
             os.close(descriptor)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 class Checkpoints:

@@ -78,10 +78,8 @@ class TreeWriter:
 
 def make_folder(folder: Path) -> None:
     """Make a folder and its parents, if missing. Raises RecordingError."""
-    try:
+    with writes(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 def unwritable(path: Path, error: BaseException) -> RecordingError:
@@ -94,6 +92,15 @@ def unwritable(path: Path, error: BaseException) -> RecordingError:
 
 
 @contextmanager
+def writes(path: Path) -> Iterator[None]:
+    """Raise `unwritable` for an OSError in the block."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+@contextmanager
 def locked(root: Path) -> Iterator[None]:
     """Hold the writer's lock of a data set. Raises RecordingError if another process holds it.
 
@@ -102,10 +109,8 @@ def locked(root: Path) -> Iterator[None]:
     """
     path = root / WORK / _LOCK
     make_folder(path.parent)
-    try:
+    with writes(path):
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError as error:
-        raise unwritable(path, error) from error
     try:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
