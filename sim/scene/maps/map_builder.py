@@ -210,16 +210,13 @@ class MapBuilder:
         tile_m: float | tuple[float, float] = 0.0,
         specular: float = 0.1,
         shininess: float = 0.2,
-        relief: str = "",
     ) -> str:
         """Add a material, unless the same one exists. `tile_m`: period of its texture; 0: it fills each geom once.
 
-        `relief`: texture of surface normals, laid as `texture` is, which must be given too. Raises ValueError if
-        another material has the name.
+        Raises ValueError if another material has the name.
         """
-        name = self._own(name)
-        texture, relief = (self._own(t) if t else "" for t in (texture, relief))
-        look = (surface, rgb, texture, tile_m, specular, shininess, relief)
+        name, texture = self._own(name), self._own(texture) if texture else ""
+        look = (surface, rgb, texture, tile_m, specular, shininess)
         if self._looks.get(name, look) != look:
             raise ValueError(f"two materials named {name}")
         if name in self._materials:
@@ -238,12 +235,7 @@ class MapBuilder:
             if tile_m:
                 u, v = tile_m if isinstance(tile_m, tuple) else (tile_m, tile_m)
                 attributes |= {"texuniform": "true", "texrepeat": numbers((2.0 / u, 2.0 / v))}
-        material = ET.SubElement(self._asset, "material", attributes)
-        if relief:
-            # MuJoCo takes layers instead of the attribute `texture`.
-            del material.attrib["texture"]
-            for role, layer in (("rgb", texture), ("normal", relief)):
-                ET.SubElement(material, "layer", role=role, texture=layer)
+        ET.SubElement(self._asset, "material", attributes)
         return name
 
     def mesh(self, name: str, mesh: Mesh | ShippedMesh, *, scale: float = 1.0, source: str = "") -> str:
@@ -300,10 +292,10 @@ class MapBuilder:
         attributes |= {key: numbers(value) for key, value in more.items()}
         ET.SubElement(self._world, "geom", attributes)
 
-    def ground_hfield(self, asset: str, *, material: str, pos: Vec3, name: str = "ground") -> None:
+    def ground_hfield(self, asset: str, *, material: str, pos: Vec3) -> None:
         """Add a height field to the worldbody, as `ground` does with other geoms."""
-        self.claim_geom(name)
-        attributes = {"name": name, "type": "hfield", "hfield": asset, "pos": numbers(pos)}
+        self.claim_geom("ground")
+        attributes = {"name": "ground", "type": "hfield", "hfield": asset, "pos": numbers(pos)}
         ET.SubElement(self._world, "geom", attributes | {"material": self.known_material(material)})
 
     @property
