@@ -43,6 +43,11 @@ class ConfigError(HilError):
         self.problems = problems
         super().__init__("\n".join(str(p) for p in problems))
 
+    @classmethod
+    def at(cls, where: str, message: str, hint: str = "") -> ConfigError:
+        """Return the error of one `Problem`."""
+        return cls([Problem(where, message, hint)])
+
 
 class WiringError(HilError):
     """Stages that do not fit together: an input without a producer, two producers of one port, or an algebraic loop."""

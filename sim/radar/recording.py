@@ -71,7 +71,7 @@ def load_recording(path: Path) -> Recording:
 def save_recording(path: Path, recording: Recording) -> None:
     """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError or RecordingError."""
     if path.suffix not in (".npz", ".npy"):
-        raise ConfigError([Problem(str(path), "a radar recording is a .npz or .npy file")])
+        raise ConfigError.at(str(path), "a radar recording is a .npz or .npy file")
     config = device_config(
         recording.chirp,
         recording.rx_antennas,

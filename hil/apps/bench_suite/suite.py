@@ -78,7 +78,7 @@ def run_benchmarks(
         raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
     if name == ALL:
         if json is not None or settings:
-            raise ConfigError([Problem("hil bench all", "takes neither --json nor --set", "name one benchmark")])
+            raise ConfigError.at("hil bench all", "takes neither --json nor --set", "name one benchmark")
         met = []
         for each in BENCHMARKS:
             console.rule(f"hil bench {each}", align="left")
@@ -88,10 +88,10 @@ def run_benchmarks(
                 met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
         return bool(met) and all(met)
     if without:
-        raise ConfigError([Problem("--without", "applies to 'hil bench all' alone")])
+        raise ConfigError.at("--without", "applies to 'hil bench all' alone")
     if not is_here(BENCHMARKS[name][0]):
         todo = f"run `make setup` in a checkout, then `.venv/bin/hil bench {name}` there"
-        raise ConfigError([Problem(f"hil bench {name}", NEEDS_CHECKOUT, todo)])
+        raise ConfigError.at(f"hil bench {name}", NEEDS_CHECKOUT, todo)
     return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
 
 
@@ -113,7 +113,7 @@ def _run(
     takes = signature(measure).parameters
     options: dict[str, Any] = {"options": split_settings(settings)} if settings else {}
     if options and "options" not in takes:
-        raise ConfigError([Problem("--set", f"does not apply to the benchmark {name!r}")])
+        raise ConfigError.at("--set", f"does not apply to the benchmark {name!r}")
     if errors_only and "errors_only" in takes:
         options["errors_only"] = True
     if json is not None:

@@ -25,7 +25,7 @@ from hil.apps.radar.raw_codes import RawCodes
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, file_errors
+from signals.errors import ConfigError, file_errors
 from signals.time import NS_PER_S
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import Recording, save_recording
@@ -66,7 +66,7 @@ def process_radar(
     """
     if target.suffix == ".bin":
         if sensor is not None:
-            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
+            raise ConfigError.at("--sensor", f"{target} holds one radar without a name", "leave it out")
         source = open_capture(target, preset=preset, texts=settings)
     else:
         source = open_source(target, preset=preset, texts=settings, sensor=sensor)
@@ -111,7 +111,7 @@ def _frames_in_span(source: Source, span: TimeSpan) -> Source:
             frames.append(frame)
     if not frames:
         hint = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
-        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", hint)])
+        raise ConfigError.at("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", hint)
     return replace(source, count=len(frames), frames=iter(frames))
 
 

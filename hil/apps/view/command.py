@@ -24,7 +24,7 @@ from hil.config.files import available, find, is_bare
 from hil.run.report.run_folder import run_folder
 from signals.classes import Classes
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem, file_errors
+from signals.errors import ConfigError, file_errors
 from signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
@@ -99,7 +99,7 @@ def load_frames(
     path = find("scene", name, ())
     if path is None:
         hint = nearest(name, available("scene", ())) if is_bare("scene", name) else "check the path"
-        raise ConfigError([Problem("SCENE", f"is unknown: {name!r}", hint)])
+        raise ConfigError.at("SCENE", f"is unknown: {name!r}", hint)
     from hil.config.scenes import read_scene
     from sim.world_loader import load_world
 
@@ -117,16 +117,14 @@ def _points(
     if at is None and look is None:
         return scene.view or default_points(frames, extent_of(world))
     if at is None:
-        raise ConfigError([Problem("--look", "needs --at X,Y,Z too")])
+        raise ConfigError.at("--look", "needs --at X,Y,Z too")
     x, y, z = at
     if look is None:
         middle = extent_of(world).middle
         return (looking_at("here", (x, y, z), (middle[0], middle[1], 0.0)),)
     yaw, pitch = look
     if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
-        raise ConfigError(
-            [Problem("--look", f"must be a yaw within 360 and a pitch within 90 degrees, not {yaw:g},{pitch:g}")]
-        )
+        raise ConfigError.at("--look", f"must be a yaw within 360 and a pitch within 90 degrees, not {yaw:g},{pitch:g}")
     return (ViewPoint(name="here", at_m=(x, y, z), look_deg=(yaw, pitch)),)
 
 
@@ -248,8 +246,8 @@ def _size(text: str | None) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
     sides = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(1 <= side <= MAX_PIXELS_ACROSS for side in sides):
-        raise ConfigError(
-            [Problem("--size", f"must be WIDTHxHEIGHT, 1 to {MAX_PIXELS_ACROSS} pixels each, not {text!r}", "320x240")]
+        raise ConfigError.at(
+            "--size", f"must be WIDTHxHEIGHT, 1 to {MAX_PIXELS_ACROSS} pixels each, not {text!r}", "320x240"
         )
     return sides
 
@@ -262,6 +260,5 @@ def _numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | N
     except ValueError:
         values = ()
     if len(values) != count or not all(math.isfinite(v) and abs(v) <= 50_000.0 for v in values):
-        message = f"must be {count} numbers from -50000 to 50000 with commas between, not {text!r}"
-        raise ConfigError([Problem(option, message)])
+        raise ConfigError.at(option, f"must be {count} numbers from -50000 to 50000 with commas between, not {text!r}")
     return values

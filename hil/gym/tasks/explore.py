@@ -28,7 +28,7 @@ from hil.gym.options import ActionKind, FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude
 from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
 from hil.run.sensors.frame_stages import available_ports
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
 from signals.rotation import minus, norm
 from signals.samples import PointCloudSample, Vec3
 from sim.scene.solids import solid_tree
@@ -78,7 +78,7 @@ class ExploreTask(TargetTask):
         port = available_ports(bench.config).get(options.port)
         if port is not None and port.type is not PointCloudSample and not options.port.endswith(_PICTURES):
             hint = "take a LiDAR, or the channel depth or range of a camera"
-            raise ConfigError([Problem("port", f"{options.port!r} shows no obstacles", hint)])
+            raise ConfigError.at("port", f"{options.port!r} shows no obstacles", hint)
         return (options.port,)
 
     def __init__(self, flights: Sequence[Flight], options: ExploreOptions, name: str) -> None:

@@ -22,7 +22,7 @@ from hil.config import Bench
 from hil.run.film.chase_camera import ChaseCamera
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.samples import TruthState, Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
@@ -59,7 +59,7 @@ class Film:
         self.vehicle = vehicle or next(iter(names))
         if self.vehicle not in names:
             hint = nearest(self.vehicle, names)
-            raise ConfigError([Problem("vehicle", f"{self.vehicle!r} is not a vehicle of the bench", hint)])
+            raise ConfigError.at("vehicle", f"{self.vehicle!r} is not a vehicle of the bench", hint)
         own = names[self.vehicle]
         camera = _camera_of(own, view)
         world = bench.world if bench.vehicles else with_vehicles(load_world(bench.scene), {ALONE: bench.vehicle})
@@ -191,7 +191,7 @@ def _camera_of(bench: Bench, view: str) -> str:
         return view
     known = ", ".join([CHASE, *([SPLIT] if cameras else []), *cameras])
     text = "shows a camera, and the bench has none" if view == SPLIT else f"{view!r} is not a camera of the bench"
-    raise ConfigError([Problem("view", text, f"choose one of {known}")])
+    raise ConfigError.at("view", text, f"choose one of {known}")
 
 
 def _fitted(picture: Picture, size: tuple[int, int]) -> Picture:

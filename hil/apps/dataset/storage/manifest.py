@@ -79,10 +79,10 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
         assert isinstance(earlier, dict)
     except FileNotFoundError:
         hint = "give the folder of an earlier `hil dataset`, or leave out --resume and choose an empty one"
-        raise ConfigError([Problem(str(root), f"holds no data set: there is no {MANIFEST} in it", hint)]) from None
+        raise ConfigError.at(str(root), f"holds no data set: there is no {MANIFEST} in it", hint) from None
     except (OSError, ValueError, KeyError, AssertionError):
         hint = "make the data set again in another folder"
-        raise ConfigError([Problem(str(path), "is not a manifest of `hil dataset`", hint)]) from None
+        raise ConfigError.at(str(path), "is not a manifest of `hil dataset`", hint) from None
     problems = []
     for key, value in made_from.items():
         if key in ("config_sha256", *_MAY_DIFFER) or earlier.get(key) == value:
@@ -144,6 +144,6 @@ def require_empty(root: Path) -> None:
     try:
         if root.exists() and (not root.is_dir() or any(os.scandir(root))):
             hint = "choose another --out, or continue the data set in it with --resume"
-            raise ConfigError([Problem(f"--out {root}", "is not an empty folder", hint)])
+            raise ConfigError.at(f"--out {root}", "is not an empty folder", hint)
     except OSError as error:
-        raise ConfigError([Problem(f"--out {root}", f"cannot be listed ({error.strerror or error})")]) from None
+        raise ConfigError.at(f"--out {root}", f"cannot be listed ({error.strerror or error})") from None
