@@ -10,6 +10,7 @@ from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.recorder.reading import read_messages
 from signals.errors import ConfigError
+from tests.unit.hil.config.missions.test_missions_script import events
 
 BENCH = """
 rig: mock
@@ -27,14 +28,6 @@ def fly(tmp_path: Path, what: str, *, seconds: int) -> RunResult:
     file = tmp_path / "bench.yaml"
     file.write_text(BENCH.format(mission=MISSION, what=what, seconds=seconds))
     return run_bench(load_bench(file), tmp_path / "out", quiet=True)
-
-
-def events(result: RunResult) -> list[tuple[float, str]]:
-    return [
-        (m.log_time_ns * 1e-9, m.decode()["msg"])
-        for m in read_messages(result.out / "run.mcap")
-        if m.topic == "/events"
-    ]
 
 
 def test_a_lost_rotor_is_recorded_and_brings_the_vehicle_down(tmp_path: Path) -> None:
