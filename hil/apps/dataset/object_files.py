@@ -23,7 +23,6 @@ from sim.frame.mount import Mount
 
 Frames = Callable[[], Iterable[AnnotatedFrame]]
 
-_CHUNK_ROWS = 1000  # of a table, written at once
 _GAP_S = 2.0  # between flights there is a take-off; between frames of one, at most a period of the LiDAR
 
 
@@ -93,7 +92,7 @@ def _nuscenes(
     assert encoded
     yield tree.write(f"{nuscenes.ROOT}/{nuscenes.MAP_NAME}", mask.tobytes())
     for path, texts in Tables(scenes, catalogue, _rig(plan)).texts():
-        yield tree.write_parts(f"{nuscenes.ROOT}/{path}", _chunks(texts))
+        yield tree.write_texts(f"{nuscenes.ROOT}/{path}", texts)
 
 
 def _rig(plan: DatasetPlan) -> Rig:
@@ -114,13 +113,3 @@ def _rig(plan: DatasetPlan) -> Rig:
         location=plan.bench.scene.name,
         description=f"{plan.bench.scene.name}, seed {plan.config.seed}, simulated",
     )
-
-
-def _chunks(texts: Iterable[str]) -> Iterator[bytes]:
-    rows: list[str] = []
-    for text in texts:
-        rows.append(text)
-        if len(rows) >= _CHUNK_ROWS:
-            yield "".join(rows).encode()
-            rows.clear()
-    yield "".join(rows).encode()
