@@ -227,7 +227,7 @@ def test_cyclists_change_nothing_else(generator: str) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_cyclists_keep_clear_of_parked_vehicles(seed: int) -> None:
-    scene_map = urban_delivery.generate(urban_delivery.UrbanDeliveryParameters(cyclists=2, trees=0), seed)
+    scene_map = urban_delivery.generate(urban_delivery.Parameters(cyclists=2, trees=0), seed)
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -369,7 +369,7 @@ def test_the_generator_in_the_docs_works() -> None:
     sys.modules["avenue"] = module
     try:
         exec(compile(code, "docs/scenes.md", "exec"), module.__dict__)
-        scene_map = module.generate(module.AvenueParameters(trees=3), 4)
+        scene_map = module.generate(module.Parameters(trees=3), 4)
     finally:
         del sys.modules["avenue"]
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))

@@ -138,7 +138,7 @@ def turned(q: np.ndarray) -> np.ndarray:
 
 
 def traffic(seed: int, count: int) -> SceneMap:
-    return urban_delivery.generate(urban_delivery.UrbanDeliveryParameters(traffic=count), seed)
+    return urban_delivery.generate(urban_delivery.Parameters(traffic=count), seed)
 
 
 def test_velocities_of_driven_cars_are_the_derivatives_of_their_poses() -> None:
