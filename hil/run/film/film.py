@@ -23,6 +23,7 @@ from hil.run.film.chase_camera import ChaseCamera
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.documents.validate import nearest
 from signals.errors import ConfigError
+from signals.rotation import applied_back, minus
 from signals.samples import TruthState, Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
@@ -152,9 +153,7 @@ class Film:
 
     def _seen(self, pose: CameraPose, p_W: Vec3) -> tuple[tuple[int, int], float] | None:
         """Return the pixel of a place and its depth; None behind the camera or far out of the picture."""
-        R = pose.R_WC
-        d = [a - b for a, b in zip(p_W, pose.p_WC, strict=True)]
-        x, y, z = (R[i] * d[0] + R[3 + i] * d[1] + R[6 + i] * d[2] for i in range(3))
+        x, y, z = applied_back(pose.R_WC, minus(p_W, pose.p_WC))
         if z < _PLANES_M[0]:
             return None
         u, v = self._model.cx + self._model.fx * x / z, self._model.cy + self._model.fy * y / z
