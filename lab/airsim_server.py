@@ -33,8 +33,8 @@ class Disconnected(HilError, ConnectionError):
 class BenchClient:
     """One connection to a server; calls are answered one after the other."""
 
-    def __init__(self, port: int) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=_WAIT_S)
+    def __init__(self, port: int, timeout_s: float = _WAIT_S) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout_s)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unpacker = msgpack.Unpacker(raw=False, strict_map_key=False, max_buffer_size=1 << 28)
         self._number = 0
