@@ -156,17 +156,14 @@ def _write_pictures(
             renderer.render(mount.pose(pose_of(point)), pictures)
             rendered[point.name] = pictures
             files += _single_pictures(folder, point.name, pictures, frames.classes)
-            path = folder / f"{point.name}.png"
-            figures.save(frame_pictures.channels_figure(_title(scene, point), pictures, frames.classes), path)
-            files.append(path)
+            figure = frame_pictures.channels_figure(_title(scene, point), pictures, frames.classes)
+            files.append(figures.save(figure, folder / f"{point.name}.png"))
             radar, sample = _radar_frame(scene, frames, point)
             radar_samples.append(sample)
-            path = folder / f"{point.name}_radar.png"
-            figures.save(radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen), path)
-            files.append(path)
-        path = folder / f"{points[0].name}_spinning_radar.png"
-        figures.save(_revolution(scene, frames, points[0]), path)
-        files.append(path)
+            figure = radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen)
+            files.append(figures.save(figure, folder / f"{point.name}_radar.png"))
+        figure = _revolution(scene, frames, points[0])
+        files.append(figures.save(figure, folder / f"{points[0].name}_spinning_radar.png"))
         cloud = _sweep(scene, frames, points[0])
 
         def radar_panel(panel: Any) -> None:
@@ -174,15 +171,13 @@ def _write_pictures(
             range_doppler = radar_samples[0].channels["range_doppler"]
             radar_pictures.draw_map(panel, range_doppler, radar.seen, name, plain_axes=True)
 
-        sheet = folder / SHEET_NAME
         figure = frame_pictures.sheet_figure(
             [(point, _title(scene, point), rendered[point.name]) for point in points],
             cloud,
             frames.classes,
             more=(radar_panel,),
         )
-        figures.save(figure, sheet)
-    return [sheet, *files]
+        return [figures.save(figure, folder / SHEET_NAME), *files]
 
 
 def _single_pictures(folder: Path, name: str, pictures: Pictures, classes: Classes) -> list[Path]:

@@ -18,7 +18,6 @@ from hil.run_files import BENCH_NAME
 from signals.errors import RecordingError, file_errors
 
 _PX4_DATA = ("../etc", "etc", "../share/px4/etc")  # places of PX4's start scripts beside its binary
-
 _KEPT = ". Everything stored so far is kept; continue with --resume"
 
 
