@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from hil.apps.dataset.formats import kitti, nuscenes
@@ -17,6 +16,7 @@ from hil.apps.dataset.formats.nuscenes import AnnotatedFrame, Rig, Scene, Tables
 from hil.apps.dataset.formats.split import Split
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.tree import TreeWriter, Written, make_folder, writes
+from hil.run.report.channel_images import bgr_png
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.frame.mount import Mount
@@ -88,9 +88,7 @@ def _nuscenes(
         for frame in scene.frames:
             name = nuscenes.file_name(nuscenes.CAMERA, frame.t_ns, is_sample=frame.swept)
             link(tree.root / nuscenes.ROOT / name, f"../../../{_picture(plan, frame)}")
-    encoded, mask = cv2.imencode(".png", np.zeros((1, 1), np.uint8))
-    assert encoded
-    yield tree.write(f"{nuscenes.ROOT}/{nuscenes.MAP_NAME}", mask.tobytes())
+    yield tree.write(f"{nuscenes.ROOT}/{nuscenes.MAP_NAME}", bgr_png(np.zeros((1, 1), np.uint8)))
     for path, texts in Tables(scenes, catalogue, _rig(plan)).texts():
         yield tree.write_texts(f"{nuscenes.ROOT}/{path}", texts)
 
