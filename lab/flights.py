@@ -101,10 +101,10 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
 
 def _files(folder: Path) -> list[Path]:
     if not os.path.isdir(folder):
-        raise ConfigError([Problem(f"--logs {folder}", "is no folder", "name the folder that holds the logs")])
+        raise ConfigError.at(f"--logs {folder}", "is no folder", "name the folder that holds the logs")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES)
     if not files:
-        raise ConfigError([Problem(f"--logs {folder}", "holds no logs", f"known suffixes: {', '.join(_SUFFIXES)}")])
+        raise ConfigError.at(f"--logs {folder}", "holds no logs", f"known suffixes: {', '.join(_SUFFIXES)}")
     return files
 
 
@@ -130,7 +130,7 @@ def _mixed(flights: Sequence[FlightLog], vehicle: Vehicle) -> list[Problem]:
 def _every(given: Sequence[str]) -> int:
     """Return of how many instants one is begun from. Raises ConfigError."""
     if len(given) != 1 or not given[0].isdecimal() or int(given[0]) < 1:
-        raise ConfigError([Problem("--set every", f"must be a whole number from 1, not {', '.join(given) or 'empty'}")])
+        raise ConfigError.at("--set every", f"must be a whole number from 1, not {', '.join(given) or 'empty'}")
     return int(given[0])
 
 

@@ -19,7 +19,7 @@ from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.acceleration import constant_gain, errors, forces_of
 from hil.apps.identify.fit.flight_model import make_model
 from hil.run.flight_logs.flight_log import FlightLog
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.physics.vehicle import Vehicle
 
 # Crazyflie 2.1, arXiv 2603.09908: what a fitted vehicle has to reach of a constant gain's error on flights held out.
@@ -38,10 +38,10 @@ def add_specific_force(
     unknown = sorted(set(fitted) - {f.name for f in usable})
     if unknown:
         names = ", ".join(f.name for f in usable)
-        raise ConfigError([Problem("--set fitted", f"{', '.join(unknown)}: no such flight", f"known: {names}")])
+        raise ConfigError.at("--set fitted", f"{', '.join(unknown)}: no such flight", f"known: {names}")
     judged = [f.name for f in usable if f.name not in fitted]
     if not judged:
-        raise ConfigError([Problem("--set fitted", "names every flight", "leave some out: those are judged")])
+        raise ConfigError.at("--set fitted", "names every flight", "leave some out: those are judged")
     model = make_model(vehicle, at.vehicle_unknowns(vehicle), kind="command", step_s=_STEP_S)
     s = np.zeros(at.VEHICLE_COUNT + at.LOG_COUNT)
     nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0

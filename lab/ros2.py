@@ -18,7 +18,7 @@ from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.parts.links.ros2.dds_ports import free_domain
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
 
 _TYPES = {"/imu": "sensor_msgs/Imu", "/front/rgb": "sensor_msgs/Image", "/lidar": "sensor_msgs/PointCloud2"}
 _RATES_HZ = {"/imu": 250, "/front/rgb": 30, "/lidar": 10}
@@ -41,7 +41,7 @@ def missing() -> str:
 def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Fly with and without subscribers. Raises HilError if a flight fails, ConfigError without cyclonedds."""
     if missing():
-        raise ConfigError([Problem("hil bench ros2", missing())])
+        raise ConfigError.at("hil bench ros2", missing())
     result = BenchmarkResult(time_label="cost of a tick [s]")
     rounds, seconds = (1, 8) if quick else (3, 30)
     with tempfile.TemporaryDirectory() as name:

@@ -10,7 +10,10 @@ a run. ValueError and TypeError are for mistakes of a caller in the program.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 
 class HilError(Exception):
@@ -39,6 +42,11 @@ class ConfigError(HilError):
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems
         super().__init__("\n".join(str(p) for p in problems))
+
+    @classmethod
+    def at(cls, where: str, message: str, hint: str = "") -> ConfigError:
+        """Return the error of one `Problem`."""
+        return cls([Problem(where, message, hint)])
 
 
 class WiringError(HilError):
@@ -96,6 +104,15 @@ class HandshakeError(LinkError):
 
 class RecordingError(HilError):
     """Recording that cannot be written or read."""
+
+
+@contextmanager
+def file_errors(path: Path, what: str = "cannot be written", *, hint: str = "") -> Iterator[None]:
+    """Raise RecordingError for an OSError in the block: that `path` `what`, with the system's reason and `hint`."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{path}: {what} ({error.strerror or error}){hint}") from error
 
 
 class Shortage(HilError):

@@ -8,7 +8,7 @@ in the same order. `signals._kernel` rotates vectors by quaternions and returns 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import sqrt
 from typing import TypeVar
 
@@ -51,10 +51,24 @@ def matrix_of(q: Iterable[T]) -> tuple[T, T, T, T, T, T, T, T, T]:
     )  # fmt: skip
 
 
-def applied(R: Rotation, v: Vec3) -> Vec3:
-    """Return R v."""
+def applied(R: Sequence[float], v: Iterable[T]) -> tuple[T, T, T]:
+    """Return R v; `R` is nine numbers."""
     x, y, z = v
     return (R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z)
+
+
+def applied_back(R: Sequence[float], v: Iterable[T]) -> tuple[T, T, T]:
+    """Return R^T v; `R` is nine numbers."""
+    x, y, z = v
+    return (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
+
+
+def applied_to_rows(R: NDArray[np.float64], rows: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return R v of vectors (..., 3); `R` is (3, 3), or (n, 3, 3) for n vectors.
+
+    Sums are written out: their order in a matrix product depends on the machine.
+    """
+    return (R[..., 0] * rows[..., :1] + R[..., 1] * rows[..., 1:2]) + R[..., 2] * rows[..., 2:]
 
 
 def cos_tilt_of(q_WB: Quat) -> float:
@@ -73,9 +87,21 @@ def yaw_of(q: Quat) -> float:
     return det_atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def cross(a: Vec3, b: Vec3) -> Vec3:
+def minus(a: Vec3, b: Vec3) -> Vec3:
+    """Return a - b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def dot(a: Iterable[T], b: Iterable[T]) -> T:
+    """Return a . b."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return ax * bx + ay * by + az * bz
+
+
+def cross(a: Iterable[T], b: Iterable[T]) -> tuple[T, T, T]:
     """Return a x b."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    (ax, ay, az), (bx, by, bz) = a, b
+    return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def norm(a: Vec3) -> float:

@@ -60,7 +60,7 @@ def make_keys(folder: Path, names: Sequence[str] = ()) -> list[Path]:
             made.append(_write(_file(folder, name, "key"), f"# secret key of {name}: keep it to yourself", secret))
             made.append(_write(_file(folder, name, "pub"), f"# public key of {name}", public, mode=0o644))
     except OSError as error:
-        raise ConfigError([Problem(str(folder), f"keys cannot be written ({error.strerror or error})")]) from error
+        raise ConfigError.at(str(folder), f"keys cannot be written ({error.strerror or error})") from error
     return made
 
 
@@ -74,10 +74,10 @@ def read_pair(folder: Path, name: str) -> KeyPair:
     file = _file(folder, name, "key")
     secret = _read(file)
     if file.stat().st_mode & 0o077:
-        raise ConfigError([Problem(str(file), "can be read by other users", f"chmod 600 {file}")])
+        raise ConfigError.at(str(file), "can be read by other users", f"chmod 600 {file}")
     public = _read(_file(folder, name, "pub"))
     if zmq.curve_public(secret) != public:
-        raise ConfigError([Problem(str(file), f"does not belong to {name}.pub", _HINT)])
+        raise ConfigError.at(str(file), f"does not belong to {name}.pub", _HINT)
     return KeyPair(public, secret)
 
 
@@ -85,7 +85,7 @@ def read_allowed(folder: Path) -> dict[bytes, str]:
     """Return public key -> name of every client whose .pub lies in the folder."""
     allowed = {_read(file): file.stem for file in sorted(folder.glob("*.pub")) if file.stem != BENCH}
     if not allowed:
-        raise ConfigError([Problem(str(folder), "holds no client's public key: no client could connect", _HINT)])
+        raise ConfigError.at(str(folder), "holds no client's public key: no client could connect", _HINT)
     return allowed
 
 
@@ -113,11 +113,11 @@ def _read(file: Path) -> bytes:
     try:
         lines = file.read_text(encoding="ascii").splitlines()
     except FileNotFoundError:
-        raise ConfigError([Problem(str(file), "is missing", _HINT)]) from None
+        raise ConfigError.at(str(file), "is missing", _HINT) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError([Problem(str(file), f"cannot be read ({error})", _HINT)]) from error
+        raise ConfigError.at(str(file), f"cannot be read ({error})", _HINT) from error
     keys = [line.strip() for line in lines if line.strip() and not line.startswith("# ")]
     with suppress(ValueError, KeyError):
         if len(keys) == 1 and len(keys[0]) == 40 and len(z85.decode(keys[0].encode("ascii"))) == 32:
             return keys[0].encode("ascii")
-    raise ConfigError([Problem(str(file), "holds no key: expected one line of 40 characters (Z85)", _HINT)])
+    raise ConfigError.at(str(file), "holds no key: expected one line of 40 characters (Z85)", _HINT)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from typing import NamedTuple
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 KINDS = ("die", "stall", "wrong_time", "garbage", "noise")
 EXIT_STATUS_DIED = 70
@@ -38,9 +38,7 @@ def parse_fault(text: str) -> Fault:
     except (ValueError, OverflowError):
         t_us = -1
     if kind not in KINDS or t_us < 0:
-        raise ConfigError(
-            [Problem(f"--fault {text}", "not a fault", f"write KIND@SECONDS, KIND in {', '.join(KINDS)}")]
-        )
+        raise ConfigError.at(f"--fault {text}", "not a fault", f"write KIND@SECONDS, KIND in {', '.join(KINDS)}")
     return Fault(kind, t_us)
 
 

@@ -32,7 +32,7 @@ from firmware_bridge.mock_pixhawk.services.outbox import Outbox
 from firmware_bridge.mock_pixhawk.services.services import Services
 from firmware_bridge.mock_pixhawk.services.telemetry import autopilot_version
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.mission import MissionItem
 
 HEARTBEAT, AUTOPILOT_VERSION = MSGID["HEARTBEAT"], MSGID["AUTOPILOT_VERSION"]
@@ -136,7 +136,7 @@ class Firmware:
             values = np.array([float(params[name]) for name in names])
             self.core = _native.FlightCore(values, rotors=kind != _FIXED_WING)
         except ValueError as error:  # each value is in range, but their combination is not a vehicle
-            raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
+            raise ConfigError.at("parameters", str(error), "check the CA_ROTOR parameters") from error
 
         vehicle = self.vehicle = Vehicle()
         self.estimate = Estimate(self.core, vehicle)

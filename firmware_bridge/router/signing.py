@@ -24,7 +24,7 @@ from firmware_bridge.codecs.signing import (
     matches,
     strip_signature,
 )
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 # Clients and autopilots count their link ids up from 0, so that these are unlikely to collide.
 LINK_TO_CLIENTS = 201
@@ -44,18 +44,12 @@ def read_key(path: Path) -> KeyFile:
         mode = path.stat().st_mode
         key = SigningKey.from_text(path.read_bytes())
     except OSError as error:
-        raise ConfigError(
-            [
-                Problem(
-                    str(path),
-                    f"this signing key cannot be read ({error.strerror})",
-                    "check the path and its permissions",
-                )
-            ]
+        raise ConfigError.at(
+            str(path), f"this signing key cannot be read ({error.strerror})", "check the path and its permissions"
         ) from error
     except ValueError as error:
         hint = "write 64 hexadecimal digits, 32 raw bytes, or a passphrase"
-        raise ConfigError([Problem(str(path), f"holds no signing key: {error}", hint)]) from error
+        raise ConfigError.at(str(path), f"holds no signing key: {error}", hint) from error
     warning = ""
     if mode & _READABLE_BY_OTHERS:
         warning = f"{path}: other users of this machine can read this signing key; chmod 600 it"

@@ -15,7 +15,7 @@ from typing import Any
 
 from hil.cluster.token import is_refused, refusal, use_token
 from hil.cluster.waiting import Say, waiting_for
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 
 _CONNECT_S = 10.0  # to a port of the cluster
 _JOIN_S = 120.0  # of Ray itself, to join a cluster from a loaded machine
@@ -25,9 +25,9 @@ _STORE_BYTES = 500 * 2**20  # of a cluster on this machine, for what goes to its
 def uses_ray(engine: str, address: str | None) -> bool:
     """Return True for the engine `ray`, False for `local`. Raises ConfigError."""
     if engine not in ("local", "ray"):
-        raise ConfigError([Problem("--engine", f"is unknown: {engine!r}", "local or ray")])
+        raise ConfigError.at("--engine", f"is unknown: {engine!r}", "local or ray")
     if engine == "local" and address is not None:
-        raise ConfigError([Problem("--address", "belongs to --engine ray")])
+        raise ConfigError.at("--address", "belongs to --engine ray")
     return engine == "ray"
 
 
@@ -38,7 +38,7 @@ def join_ray(address: str | None, cpus: int, say: Say) -> Any:
     """
     if find_spec("ray") is None:
         hint = 'pip install "hil-bench[ray]", or leave --engine out'
-        raise ConfigError([Problem("--engine ray", "needs Ray, which is not installed", hint)])
+        raise ConfigError.at("--engine ray", "needs Ray, which is not installed", hint)
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"  # Ray sends nothing about its use
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     settings: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR", "configure_logging": False}
@@ -74,7 +74,7 @@ def _check_address(address: str, say: Say) -> None:
     """
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise ConfigError([Problem("--address", f"is not HOST:PORT: {address!r}", "`ray start --head` prints it")])
+        raise ConfigError.at("--address", f"is not HOST:PORT: {address!r}", "`ray start --head` prints it")
     try:
         socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
     except OSError as error:

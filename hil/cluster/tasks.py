@@ -82,7 +82,7 @@ class RayTasks:
         self._count_nodes()
         if not self._places:
             self.close()
-            raise ConfigError([Problem("--engine ray", f"no node of the cluster has {needs}", needs.hint)])
+            raise ConfigError.at("--engine ray", f"no node of the cluster has {needs}", needs.hint)
         say(f"Ray: {len(self._places)} node(s) with room for {sum(self._places.values())} task(s) at a time")
         self._begun_s = self._said_s = time.monotonic()
 

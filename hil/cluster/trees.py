@@ -12,18 +12,16 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 
 def user_folder() -> Path:
     """Return a folder for temporary files that only this user can write. Raises RecordingError."""
     folder = Path(tempfile.gettempdir()) / f"hil-{os.getuid()}"
-    try:
+    with file_errors(folder, "cannot be used for temporary files", hint="; set TMPDIR"):
         folder.mkdir(mode=0o700, exist_ok=True)
         if folder.is_symlink() or folder.stat().st_uid != os.getuid():
             raise RecordingError(f"{folder}: belongs to another user; remove it, or set TMPDIR")
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be used for temporary files ({error.strerror}); set TMPDIR") from error
     return folder
 
 

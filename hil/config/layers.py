@@ -126,12 +126,12 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
     key, equals, value_text = text.partition("=")
     key = key.strip()
     if not equals:
-        raise ConfigError([Problem(f"{SET}{text}", "has no value", f"write --set {key or 'KEY'}=VALUE")])
+        raise ConfigError.at(f"{SET}{text}", "has no value", f"write --set {key or 'KEY'}=VALUE")
     parts = key.split(".")
     if not all(part.strip() for part in parts):
-        raise ConfigError([Problem(f"{SET}{text}", "has an empty key", "write --set section.key=VALUE")])
+        raise ConfigError.at(f"{SET}{text}", "has an empty key", "write --set section.key=VALUE")
     if len(parts) > MAX_DEPTH:
-        raise ConfigError([Problem(f"{SET}{key[:40]}...", f"is nested too deeply: more than {MAX_DEPTH} levels")])
+        raise ConfigError.at(f"{SET}{key[:40]}...", f"is nested too deeply: more than {MAX_DEPTH} levels")
     origin = f"{SET}{key}"
     # The value is parsed alone, because "KEY: VALUE" could be a nested mapping or an alias. An empty value is null.
     try:

@@ -34,10 +34,10 @@ def read_params_file(path: Path) -> list[FileParameter]:
     shown = shown_path(path)
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise ConfigError([Problem(shown, "is too large to be a file of parameters")])
+            raise ConfigError.at(shown, "is too large to be a file of parameters")
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError([Problem(shown, f"cannot be read as a file of parameters ({error})")]) from None
+        raise ConfigError.at(shown, f"cannot be read as a file of parameters ({error})") from None
     found: dict[str, FileParameter] = {}
     vehicles: set[str] = set()
     problems: list[Problem] = []

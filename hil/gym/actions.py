@@ -35,7 +35,7 @@ from hil.run.stepped.ideal_controller import (
 from hil.run.stepped.vehicle import FlyingVehicle
 from hil.run.stepped.world import SteppedWorld
 from signals.desired import DesiredState
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
 from signals.samples import TruthState, Vec3
 from sim._kernels import IdealController as Kernel
 from sim.physics.multirotor import hover_control, unfit
@@ -53,7 +53,7 @@ def action_space(options: FlightOptions, vehicle: Vehicle, name: str) -> Box:
         wrong = (unfit(vehicle) or ("", None))[1]
     if wrong is not None:
         message = f"action {options.action!r} does not fly {vehicle.name!r}, which {wrong}"
-        raise ConfigError([Problem(name, message, 'action="controls" commands its rotors and surfaces')])
+        raise ConfigError.at(name, message, 'action="controls" commands its rotors and surfaces')
     counts = {"motors": len(vehicle.rotors), "controls": len(vehicle.commands)}
     return Box(-1.0, 1.0, (counts.get(options.action, 4),), np.float32)
 

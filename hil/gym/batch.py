@@ -20,7 +20,7 @@ from hil.gym.recordings import Recordings
 from hil.gym.tasks.task import Ends, Rewards, Step, Task
 from hil.run.stepped.ideal_controller import MOST_SPEED_MPS
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim._kernels import cruise_flights
 
 TASKS = {
@@ -54,7 +54,7 @@ class Batch:
         bench = read_bench(bench, settings, self.name, None if kind.bench is None else _bench_file(kind.bench))
         if bench.vehicles:
             message = f"has {len(bench.vehicles)} vehicles, and this environment flies one"
-            raise ConfigError([Problem(self.name, message, "use hil.gym.parallel_env, or a bench with one vehicle")])
+            raise ConfigError.at(self.name, message, "use hil.gym.parallel_env, or a bench with one vehicle")
         self.bench = bench
         self._made_of = (task, count, bench, (), dict(options or {}))
         self.options = read_options(kind.Options, dict(options or {}), self.name)
@@ -253,7 +253,7 @@ def environment_id(task: str) -> str:
 def task_class(task: str) -> type[Task]:
     """Return the class of a task. Raises ConfigError for an unknown name."""
     if task not in TASKS:
-        raise ConfigError([Problem("hil.gym", f"task {task!r} is unknown", nearest(task, TASKS))])
+        raise ConfigError.at("hil.gym", f"task {task!r} is unknown", nearest(task, TASKS))
     module, _, name = TASKS[task].partition(":")
     found: type[Task] = getattr(import_module(module), name)
     return found

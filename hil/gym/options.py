@@ -70,7 +70,7 @@ class FlightOptions(StrictModel):
         if ticks < 1 or abs(ticks * tick_ns - self.step_s * NS_PER_S) > 0.5:
             best = max(1, ticks) * tick_ns / NS_PER_S
             message = f"step_s {self.step_s:g} is not a whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s"
-            raise ConfigError([Problem(name, message, f"use {best:g}, or another tick_hz")])
+            raise ConfigError.at(name, message, f"use {best:g}, or another tick_hz")
         return ticks
 
     def steps(self) -> int:
@@ -84,14 +84,14 @@ def read_bench(
     """Return a loaded bench, or the one of a file with `settings`; None: that of `default`. Raises ConfigError."""
     if not isinstance(settings, list | tuple) or not all(isinstance(text, str) for text in settings):
         hint = 'such as settings=["tick_hz=500"]'
-        raise ConfigError([Problem(name, f"settings must be a list of texts, not {settings!r}", hint)])
+        raise ConfigError.at(name, f"settings must be a list of texts, not {settings!r}", hint)
     if isinstance(bench, Bench):
         if settings:
             message = "settings change a bench that is read from a file, not a loaded one"
-            raise ConfigError([Problem(name, message, "give them to hil.config.load.load_bench")])
+            raise ConfigError.at(name, message, "give them to hil.config.load.load_bench")
         return bench
     if bench is not None and not isinstance(bench, str | Path):
-        raise ConfigError([Problem(name, f"bench must be a file or a loaded bench, not {bench!r}")])
+        raise ConfigError.at(name, f"bench must be a file or a loaded bench, not {bench!r}")
     return load_bench(default if bench is None else bench, settings=settings, flown=False)
 
 

@@ -28,7 +28,7 @@ from hil.gym.tasks.transition import Transition
 from hil.run.film.film import Film, Picture, check_view
 from hil.run.sensors.frame_stages import available_ports
 from hil.run.stepped.world import SteppedWorld
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.samples import TruthState
 from sim.frame.source import SharedFrames
 
@@ -63,11 +63,11 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         bench = read_bench(bench, settings, _NAME)
         if not bench.vehicles:
             hint = "use hil/Bench-v0, or a bench with a section `vehicles`"
-            raise ConfigError([Problem(_NAME, "the bench has no section `vehicles`", hint)])
+            raise ConfigError.at(_NAME, "the bench has no section `vehicles`", hint)
         self.bench = bench
         self.options = read_options(BenchOptions, options, _NAME)
         if self.options.randomize is not None:
-            raise ConfigError([Problem(_NAME, "randomize is for one vehicle", "use hil/Bench-v0")])
+            raise ConfigError.at(_NAME, "randomize is for one vehicle", "use hil/Bench-v0")
         self._made_of = {"bench": bench, "render_mode": render_mode, **options}
         self.metadata = rendering(type(self).metadata, self.options.step_s)
         self._window = Window(_NAME, self.metadata["render_fps"]) if render_mode == "human" else None

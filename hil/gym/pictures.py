@@ -21,7 +21,7 @@ RENDER_MODES = ["human", "rgb_array"]
 def check_mode(mode: str | None, name: str) -> str | None:
     """Return a render mode. Raises ConfigError for an unknown one."""
     if mode is not None and mode not in RENDER_MODES:
-        raise ConfigError([Problem(name, f"render_mode {mode!r} is unknown", "choose rgb_array or human")])
+        raise ConfigError.at(name, f"render_mode {mode!r} is unknown", "choose rgb_array or human")
     return mode
 
 

@@ -19,7 +19,7 @@ from hil.gym.ports import Ports
 from hil.run.recorder.mcap.mcap_file import SafeFile, open_unbuffered
 from hil.run.recorder.mcap.mcap_sink import McapRecording, McapSink
 from hil.run_files import BENCH_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.samples import Sample, ScalarSample, TruthState
 
 _FLUSH_STEPS = 50
@@ -56,10 +56,8 @@ class Recordings:
         if self._folder is None:
             return
         number = self._episodes.get(row, -1) + 1
-        try:
+        with file_errors(self._folder, "cannot be used as a folder"):
             self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"{self._folder}: cannot be used as a folder ({error.strerror or error})") from error
         while (path := self._folder / f"{self._heads[row]}episode-{number}.mcap").exists():
             number += 1  # of an earlier session: nothing is written over
         self._episodes[row] = number

@@ -56,7 +56,7 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         if self.batch.options.controller == "rig":
             self.batch.close()
             hint = 'for controller rig use gymnasium.make_vec(..., vectorization_mode="async")'
-            raise ConfigError([Problem(self.batch.name, "one process flies without autopilots", hint)])
+            raise ConfigError.at(self.batch.name, "one process flies without autopilots", hint)
         self.single_action_space = self.batch.action_space
         self.single_observation_space = self.batch.task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -18,7 +18,7 @@ from hil.config import Bench
 from hil.config.airframe_facts import airframe_facts
 from hil.config.checks.intake_checks import intake_parameters
 from hil.run.loop.restartable_physics import make_physics
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.geodesy import LocalFrame
 from signals.rotation import yaw_of
 from signals.time import NS_PER_S
@@ -86,7 +86,7 @@ def start_command(bench: Bench, folder: Path) -> str:
     if make is None:
         rigs = " or ".join(f"--rig {name}" for name, profile in PROFILES.items() if profile.start_command is not None)
         message = f"only works with a SITL, which the autopilot {kind!r} is not"
-        raise ConfigError([Problem("--print-command", message, f"use it with {rigs}")])
+        raise ConfigError.at("--print-command", message, f"use it with {rigs}")
     command = make(installation_of(bench, make_physics(bench).state), folder.resolve())
     words = [f"{name}={shlex.quote(value)}" for name, value in command.env.items()]
     return " ".join([*words, shlex.join(command.argv)])

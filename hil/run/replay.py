@@ -23,7 +23,7 @@ from hil.config import Bench
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.replayed_verdict import carry_verdict, read_run
 from hil.run_files import BENCH_NAME, MCAP_NAME, TRACE_NAME
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError, file_errors
 from signals.time import NS_PER_S
 
 _IGNORED = "/events"  # end of a topic: notes for people: they may name paths or wall-clock times
@@ -145,7 +145,7 @@ def run_files(run_dir: Path, use: str, whole: str) -> tuple[Path, Path]:
             if run_dir.name == MCAP_NAME
             else "name the folder of a run, such as runs/latest"
         )
-        raise ConfigError([Problem(str(run_dir), fault, hint)])
+        raise ConfigError.at(str(run_dir), fault, hint)
     config, recorded = run_dir / BENCH_NAME, run_dir / MCAP_NAME
     is_vehicle = (run_dir.parent / MCAP_NAME).is_file()
     hint = whole.format(run=run_dir.parent, vehicle=run_dir.name) if is_vehicle else "was record.mcap off?"
@@ -167,10 +167,8 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     if out.resolve() == run_dir.resolve():
         raise RecordingError(f"{out}: holds the recorded run; name another folder for the fresh run with --out")
     Recording(recorded).scan()  # reports an unreadable file before the flight instead of after it
-    try:
+    with file_errors(out, "cannot be used as a folder for results"):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot be used as a folder for results ({error.strerror or error})") from error
     run(config, out)
     fresh = out / MCAP_NAME
     if not fresh.is_file():

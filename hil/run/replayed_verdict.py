@@ -16,7 +16,7 @@ from typing import Any
 from hil.run.report.page import amend_page
 from hil.run.report.run_json import write_run_json
 from hil.run_files import PAGE_NAME, RUN_JSON_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 _NOT_REPEATED = "in the run that this one replays, and not repeated"
 
@@ -36,11 +36,8 @@ def carry_verdict(recorded_dir: Path, fresh_dir: Path, *, identical: bool) -> st
         words = "the run that this one replays ended as ERROR" if status == "ERROR" else _NOT_REPEATED
         carried = [f"{words}: {cause}" for cause in causes or ["no cause recorded"]]
         fresh["status"], fresh["verdict"] = "FAIL", {**fresh.get("verdict", {}), "reasons": carried}
-        try:
+        with file_errors(fresh_dir / PAGE_NAME):
             amend_page(fresh_dir, fresh)
-        except OSError as problem:
-            text = f"{fresh_dir / PAGE_NAME}: cannot be written ({problem.strerror or problem})"
-            raise RecordingError(text) from problem
     write_run_json(fresh_dir / RUN_JSON_NAME, {**fresh, "replays": replays})
     if status == "PASS":
         return ""

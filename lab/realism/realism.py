@@ -171,7 +171,7 @@ def _range_deg(text: str) -> tuple[float, float]:
     """Return the range of elevations, such as `40-60` [deg]. Raises ConfigError."""
     low, _, high = text.partition("-")
     if not (low.isdecimal() and high.isdecimal() and int(low) < int(high) <= 90):
-        raise ConfigError([Problem("--set", f"elevation must not be {text!r}", "two angles up to 90 degrees: 40-60")])
+        raise ConfigError.at("--set", f"elevation must not be {text!r}", "two angles up to 90 degrees: 40-60")
     return float(low), float(high)
 
 

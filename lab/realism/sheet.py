@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.result import Row, save_figure
 from lab.realism.frames import Truth
 from lab.realism.networks import Found
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 _COLUMNS = 4
 _SIDE_PX = (480, 360)  # of a tile
@@ -70,12 +70,10 @@ def write_sheet(tiles: Sequence[Tile], path: Path) -> None:
         small = cv2.resize(draw_tile(tile), _SIDE_PX, interpolation=cv2.INTER_AREA)
         sheet[row * height : (row + 1) * height, column * width : (column + 1) * width] = small
     ok, data = cv2.imencode(".png", sheet[:, :, ::-1])
-    try:
+    with file_errors(path, "the sheet cannot be written"):
         if not ok:
             raise OSError("not encoded")
         path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise RecordingError(f"{path}: the sheet cannot be written ({error.strerror or error})") from error
 
 
 def recall_plot(rows: Sequence[Row], title: str, path: Path) -> None:

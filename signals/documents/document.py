@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 Place = tuple[str | int, ...]
 """Path of a value inside a document: keys of mappings and indices of lists, () for the whole."""
@@ -53,29 +53,29 @@ def read_text(path: Path, *, limit_bytes: int) -> str:
     source = shown_path(path)
     try:
         if path.is_dir():
-            raise ConfigError([Problem(source, "is a folder, not a file")])
+            raise ConfigError.at(source, "is a folder, not a file")
         # A pipe or a device may have no end.
         if not stat.S_ISREG(path.stat().st_mode):
-            raise ConfigError([Problem(source, "is not a regular file but a device, a pipe or a socket")])
+            raise ConfigError.at(source, "is not a regular file but a device, a pipe or a socket")
         with path.open("rb") as file:
             raw = file.read(limit_bytes + 1)
             size = max(len(raw), os.fstat(file.fileno()).st_size)
         if len(raw) > limit_bytes:
             message = f"is {size / 1e6:.1f} MB long, more than the {limit_bytes / 1e6:g} MB that are read"
-            raise ConfigError([Problem(source, message, "is it the file you meant?")])
+            raise ConfigError.at(source, message, "is it the file you meant?")
     except FileNotFoundError:
-        raise ConfigError([Problem(source, "no such file")]) from None
+        raise ConfigError.at(source, "no such file") from None
     except OSError as error:
-        raise ConfigError([Problem(source, f"cannot be read: {error.strerror}")]) from None
+        raise ConfigError.at(source, f"cannot be read: {error.strerror}") from None
     except ValueError as error:  # a zero byte in the name
-        raise ConfigError([Problem(source, f"cannot be read: {error}")]) from None
+        raise ConfigError.at(source, f"cannot be read: {error}") from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         message = f"is not text: byte 0x{raw[error.start]:02x} is not UTF-8"
-        raise ConfigError([Problem(f"{source}:{line}", message)]) from None
+        raise ConfigError.at(f"{source}:{line}", message) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise ConfigError([Problem(f"{source}:{line}", "is a binary file, not text")])
+        raise ConfigError.at(f"{source}:{line}", "is a binary file, not text")
     return text

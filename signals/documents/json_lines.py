@@ -95,19 +95,19 @@ def parse_json(text: str, source: str, *, repeated: list[Problem] | None = None)
         return result
 
     if not text.strip():
-        raise ConfigError([Problem(source, "is empty")])
+        raise ConfigError.at(source, "is empty")
     values = text.count(",") + text.count("[") + text.count("{")
     if values > _LIMIT_VALUES:
         message = f"holds {values:,} values; {_LIMIT_VALUES:,} are read"
-        raise ConfigError([Problem(source, message, "is it the file you meant?")])
+        raise ConfigError.at(source, message, "is it the file you meant?")
     try:
         data = json.loads(text, object_pairs_hook=pairs)
     except json.JSONDecodeError as error:
-        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid JSON: {error.msg}")]) from None
+        raise ConfigError.at(f"{source}:{error.lineno}", f"is not valid JSON: {error.msg}") from None
     except RecursionError:
-        raise ConfigError([Problem(source, "is nested too deeply")]) from None
+        raise ConfigError.at(source, "is nested too deeply") from None
     except ValueError as error:  # an integer of thousands of digits
-        raise ConfigError([Problem(source, f"is not valid JSON: {error}")]) from None
+        raise ConfigError.at(source, f"is not valid JSON: {error}") from None
     document = Document(source, data, _Lines(text))
     if duplicates:
         found = [_duplicate_problem(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_DUPLICATES]]

@@ -133,7 +133,7 @@ class _Builder:
     def build(self, node: yaml.Node, place: Place) -> Any:
         self._values += 1
         if self._values > _LIMIT_VALUES:
-            raise ConfigError([Problem(self.source, f"holds more than {_LIMIT_VALUES} values once unfolded")])
+            raise ConfigError.at(self.source, f"holds more than {_LIMIT_VALUES} values once unfolded")
         if any(node is other for other in self._open):
             self.problem(node, "this anchor contains itself")
             return None
@@ -236,12 +236,12 @@ def parse_yaml(text: str, source: str) -> Document:
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         message = f"the character U+{ord(text[error.position]):04X} has no place in a YAML file"
-        raise ConfigError([Problem(f"{source}:{line}", message)]) from None
+        raise ConfigError.at(f"{source}:{line}", message) from None
     except yaml.MarkedYAMLError as error:
         raise ConfigError([_syntax_problem(error, text, source)]) from None
     except _TooManyNodes:
         message = f"holds more than {_LIMIT_VALUES} keys and values"
-        raise ConfigError([Problem(source, message, "is it the file you meant?")]) from None
+        raise ConfigError.at(source, message, "is it the file you meant?") from None
     except RecursionError:
         raise ConfigError([_find_too_deep(text, source)]) from None
     if node is None:

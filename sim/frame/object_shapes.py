@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from signals.rotation import matrix_of
 from sim.frame.meshes import height_field_triangles
 from sim.scene import semantics
-from sim.scene.scene_map import Actor
+from sim.scene.scene_map import Actor, actor_pose
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
@@ -94,9 +94,7 @@ class ObjectShapes:
             if instance not in self._still:
                 self._still[instance] = self._at_rest(instance, parts.geoms)
             return self._still[instance]
-        n = len(parts.actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        parts.actor.pose(t_ns, p, q, v, w)
+        p, q, v, w = actor_pose(parts.actor, t_ns)
         R = np.moveaxis(np.reshape(matrix_of(q.T), (3, 3, -1)), -1, 0)  # (n, 3, 3)
         geoms, body = parts.geoms, parts.body
         p_WG = p[body] + np.einsum("nij,nj->ni", R[body], self._model.geom_pos[geoms])

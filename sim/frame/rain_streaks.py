@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_pow
+from signals.rotation import applied_back, minus
 from signals.samples import Vec3
 from sim._kernels import draw_streaks
 from sim.frame.camera_effects import mean_light
@@ -86,9 +87,7 @@ class RainStreaks:
 
     def opacity(self, pose: CameraPose, index: int) -> NDArray[np.float32]:
         """Return the opacity of the drops in picture number `index`; valid until the next call."""
-        R, v = pose.R_WC, pose.v_WC_W
-        past_W = [wind - own for wind, own in zip(self._wind_W, v, strict=True)]
-        air_C = tuple(R[a] * past_W[0] + R[3 + a] * past_W[1] + R[6 + a] * past_W[2] for a in range(3))
+        air_C = applied_back(pose.R_WC, minus(self._wind_W, pose.v_WC_W))
         self._opacity.fill(0.0)
         draw_streaks(
             self._opacity,
@@ -99,7 +98,7 @@ class RainStreaks:
             fall_mps=self._fall_mps,
             near_m_and_margin_px=(_NEAR_M, self._margin_px),
             air_C_mps=air_C,
-            down_C=(-R[6], -R[7], -R[8]),
+            down_C=(-pose.R_WC[6], -pose.R_WC[7], -pose.R_WC[8]),
             exposure_s=self._exposure_s,
             key=self._key,
             index=index,

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.rotation import dot
 from signals.samples import Vec3
 from sim._kernels import solve_gnss
 from sim.gnss.decibel import power
@@ -76,8 +77,7 @@ def ranges_of(signals: list[Signal], v_W: Vec3, receiver: ReceiverParameters) ->
 
 
 def _rate_mps(image: Image, v_W: Vec3) -> float:
-    n = image.reflection.rate_direction
-    return image.reflection.extra_rate * (n[0] * v_W[0] + n[1] * v_W[1] + n[2] * v_W[2])
+    return image.reflection.extra_rate * dot(image.reflection.rate_direction, v_W)
 
 
 def _beside(image: Image, signal: Signal, v_W: Vec3, spacing_chips: float) -> LoopErrors:

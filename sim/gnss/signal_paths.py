@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_exp
+from signals.rotation import dot, minus, norm
 from signals.samples import Vec3
 from sim._kernels import above_mask, mirror_hits
 from sim.gnss.surroundings import Surroundings
@@ -121,7 +122,7 @@ class SignalPaths:
         origin = np.array(antenna_W)
         seen = self.cast(np.tile(origin, (count, 1)), to_face)
         n = what[:, 3:6]
-        along = seen.normal[:, 0] * n[:, 0] + seen.normal[:, 1] * n[:, 1] + seen.normal[:, 2] * n[:, 2]
+        along = dot(seen.normal.T, n.T)
         meets = (np.abs(seen.range_m - what[:, 6]) <= _MEETS_M) & (along >= _MEETS_COSINE)
         kept = np.flatnonzero(meets)
         if len(kept) == 0:
@@ -154,8 +155,8 @@ class SignalPaths:
 
     def is_hidden(self, antenna_W: Vec3, place_W: Vec3) -> bool:
         """Return True if a solid stands between the antenna and a place."""
-        d = [b - a for a, b in zip(antenna_W, place_W, strict=True)]
-        length = float(np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+        d = minus(place_W, antenna_W)
+        length = norm(d)
         if length < 0.1:
             return False
         direction = np.array([[x / length for x in d]])

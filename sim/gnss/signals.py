@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.rotation import dot, minus, norm
 from signals.samples import Vec3
 from sim.gnss.decibel import decibel
 from sim.gnss.interference import SIGNAL_DBW, Emitter, jammed_dbhz, received_dbw
@@ -62,8 +63,7 @@ class Signal:
 
 def gain_db(up_W: Vec3, direction: Vec3) -> float:
     """Return the antenna's gain over that along its axis."""
-    u = up_W[0] * direction[0] + up_W[1] * direction[1] + up_W[2] * direction[2]
-    return -_PATTERN_DB * (1.0 - u)
+    return -_PATTERN_DB * (1.0 - dot(up_W, direction))
 
 
 class Listener:
@@ -103,8 +103,8 @@ class Listener:
 
     def received_dbw(self, emitter: Emitter, antenna_W: Vec3, up_W: Vec3) -> float:
         """Return the power of a transmitter at the antenna."""
-        way = [b - a for a, b in zip(antenna_W, emitter.place_W_m, strict=True)]
-        distance_m = float(np.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))
+        way = minus(emitter.place_W_m, antenna_W)
+        distance_m = norm(way)
         direction = (way[0] / distance_m, way[1] / distance_m, way[2] / distance_m) if distance_m > 0.0 else up_W
         hidden = self.paths.is_hidden(antenna_W, emitter.place_W_m)
         return received_dbw(emitter, distance_m, gain_db=gain_db(up_W, direction), hidden=hidden)

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.rotation import applied_to_rows, cross, dot
 from sim.frame.geometry import FrameGeometry
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.scene.surfaces import LEAVES
@@ -78,14 +79,9 @@ def _boxes(model: Any, data: Any, geoms: NDArray[np.int64]) -> Float64:
     """Return the boxes of geoms in W, (n, 6): low x y z, high x y z."""
     centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
     R = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    middle = data.geom_xpos[geoms] + _turned(R, centre)
-    reach = _turned(np.abs(R), half)
+    middle = data.geom_xpos[geoms] + applied_to_rows(R, centre)
+    reach = applied_to_rows(np.abs(R), half)
     return np.ascontiguousarray(np.concatenate([middle - reach, middle + reach], axis=1))
-
-
-def _turned(R: Float64, v: Float64) -> Float64:
-    """Return R v, row by row, in a fixed order of sums."""
-    return R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2] + R[:, :, 2] * v[:, 2:]
 
 
 def _faces(world: World, data: Any, geoms: NDArray[np.int64], smallest_m2: float) -> Float64:
@@ -128,17 +124,10 @@ def _mesh_faces(R: Float64, p: Float64, corners: Float64, smallest_m2: float) ->
         return []
     v = p + corners[:, :, :1] * R[:, 0] + corners[:, :, 1:2] * R[:, 1] + corners[:, :, 2:] * R[:, 2]
     a, b = v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]
-    cross = np.stack(
-        [
-            a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1],
-            a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
-            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
-        ],
-        axis=1,
-    )
-    twice = np.sqrt(cross[:, 0] * cross[:, 0] + cross[:, 1] * cross[:, 1] + cross[:, 2] * cross[:, 2])
+    across = np.stack(cross(a.T, b.T), axis=1)
+    twice = np.sqrt(dot(across.T, across.T))
     known = twice > 1e-9
-    v, twice, normal = v[known], twice[known], cross[known] / twice[known, None]
+    v, twice, normal = v[known], twice[known], across[known] / twice[known, None]
     steep = np.abs(normal[:, 2]) <= _STEEPEST_RISE
     v, twice, normal = v[steep], twice[steep], normal[steep]
     if len(v) == 0:
@@ -146,7 +135,7 @@ def _mesh_faces(R: Float64, p: Float64, corners: Float64, smallest_m2: float) ->
     # Both sides of a wall that is a single sheet are one plane: the sign of the normal is not part of it.
     sign = np.where(np.abs(normal[:, 0]) > 1e-6, np.sign(normal[:, 0]), np.where(normal[:, 1] < 0.0, -1.0, 1.0))
     normal = normal * sign[:, None]
-    offset = normal[:, 0] * v[:, 0, 0] + normal[:, 1] * v[:, 0, 1] + normal[:, 2] * v[:, 0, 2]
+    offset = dot(normal.T, v[:, 0].T)
     key = np.concatenate([np.round(normal / _SAME_NORMAL), np.round(offset / _SAME_PLANE_M)[:, None]], axis=1)
     _, plane = np.unique(key.astype(np.int64), axis=0, return_inverse=True)
     order = np.argsort(plane, kind="stable")
@@ -160,9 +149,7 @@ def _mesh_faces(R: Float64, p: Float64, corners: Float64, smallest_m2: float) ->
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
         n = normal[part[0]]
         # Onto the plane, from which the middle of a box of tilted points is off by rounding only.
-        off = points[0] - centre
-        centre = centre + (off[0] * n[0] + off[1] * n[1] + off[2] * n[2]) * n
-        away = points - centre
-        square = away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1] + away[:, 2] * away[:, 2]
-        rows.append((*centre.tolist(), *n.tolist(), float(np.sqrt(square.max()))))
+        centre = centre + dot(points[0] - centre, n) * n
+        away = (points - centre).T
+        rows.append((*centre.tolist(), *n.tolist(), float(np.sqrt(dot(away, away).max()))))
     return rows

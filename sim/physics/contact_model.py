@@ -25,7 +25,7 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.samples import Vec3
 from sim.physics.vehicle import Vehicle
 from sim.scene.budget import Budget
@@ -221,7 +221,7 @@ def build_model(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> mujo
             model = compile_mjcf(text, {}, Budget(where) if world.map.from_file else None)
         except ValueError as error:
             message = f"has no model of contact that MuJoCo can compile: {' '.join(str(error).split())}"
-            raise ConfigError([Problem(where, message)]) from None
+            raise ConfigError.at(where, message) from None
         for field in range(model.nhfield):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
             source = int(name.removeprefix("hfield_"))

@@ -186,13 +186,13 @@ class Airframe:
         """Return straight flight at an airspeed with the engines' command at 0. Raises NoTrimError."""
         return self._solve(airspeed_mps, climb_rad=None, bank_rad=0.0)
 
-    def _solve(self, V: float, *, climb_rad: float | None, bank_rad: float, start: Float64 | None = None) -> Trim:
-        return self._accepted(self._root(V, climb_rad=climb_rad, bank_rad=bank_rad, start=start))
+    def _solve(self, V: float, *, climb_rad: float | None, bank_rad: float) -> Trim:
+        return self._accepted(self._root(V, climb_rad=climb_rad, bank_rad=bank_rad))
 
-    def _root(self, V: float, *, climb_rad: float | None, bank_rad: float, start: Float64 | None = None) -> _Root:
+    def _root(self, V: float, *, climb_rad: float | None, bank_rad: float) -> _Root:
         """Newton's method with least-norm steps, its slopes kept while they serve.
 
-        Unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces. `start`: unknowns of a flight nearby.
+        Unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces.
         """
         n, turning, mass, gravity = len(self.surfaces), bank_rad != 0.0, self.vehicle.mass_kg, self.gravity_mps2
         inertia = self.vehicle.inertia_tensor_kgm2
@@ -230,15 +230,12 @@ class Airframe:
 
         scale = np.ones(5 + n)
         scale[1] = 0.02  # beta
-        if start is None:
-            x = np.zeros(5 + n)
-            x[0] = x[2] = 0.05
-            x[3] = -0.1 if climb_rad is None else 0.5
-            x[4] = gravity * math.tan(bank_rad) / V if turning else 0.0
-            if climb_rad is not None:
-                x[2] += climb_rad
-        else:
-            x = start.copy()
+        x = np.zeros(5 + n)
+        x[0] = x[2] = 0.05
+        x[3] = -0.1 if climb_rad is None else 0.5
+        x[4] = gravity * math.tan(bank_rad) / V if turning else 0.0
+        if climb_rad is not None:
+            x[2] += climb_rad
         r, slopes = residual(x), None
         size = float(np.max(np.abs(r)))
         for _ in range(_STEPS):

@@ -24,7 +24,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.rotation import applied, cross, matrix_of, norm
+from signals.rotation import applied, applied_back, cross, dot, matrix_of, norm
 from signals.samples import Vec3
 from sim.physics.vehicle import Vehicle
 from sim.scene.world import VEHICLE
@@ -79,13 +79,12 @@ class SlidingContact:
             r = (x - px, y - py, z - pz)
             spin, n = cross(w, r), contact.frame[:3].tolist()
             u = [v[j] + spin[j] for j in range(3)]
-            through = u[0] * n[0] + u[1] * n[1] + u[2] * n[2]
+            through = dot(u, n)
             across = [u[j] - through * n[j] for j in range(3)]
-            speed = math.sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2])
+            speed = math.sqrt(dot(across, across))
             if not speed > 0.0:
                 continue
-            r2 = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-            most_n = speed / (step_s * (1.0 / self._mass_kg + r2 * self._most_turn))
+            most_n = speed / (step_s * (1.0 / self._mass_kg + dot(r, r) * self._most_turn))
             friction = max(self._of_geom[contact.geom1], self._of_geom[contact.geom2])
             scale = -min(friction * normal_n, most_n) / speed
             f = (scale * across[0], scale * across[1], scale * across[2])
@@ -93,8 +92,8 @@ class SlidingContact:
             for j in range(3):
                 force[j] += f[j]
                 torque[j] += about[j]
-        turned = [R[j] * torque[0] + R[3 + j] * torque[1] + R[6 + j] * torque[2] for j in range(3)]
+        turned = applied_back(R, torque)
         rows = self._inverse
         for j in range(3):
             data.qacc[j] += force[j] / self._mass_kg
-            data.qacc[3 + j] += rows[j][0] * turned[0] + rows[j][1] * turned[1] + rows[j][2] * turned[2]
+            data.qacc[3 + j] += dot(rows[j], turned)

@@ -20,6 +20,7 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.footing import INSIDE_M, OVER_GROUND_M, Footing, find_footing, steepest_slope
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
+from sim.scene.scene_map import actor_pose
 from sim.scene.solids import solid_geoms
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -151,9 +152,7 @@ def _overhead(model: mujoco.MjModel, data: mujoco.MjData, footing: Footing) -> t
 
 def _pose_actors(world: World, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     for actor in world.map.actors:
-        n = len(actor.bodies)
-        p_WB, q_WB = np.zeros((n, 3)), np.zeros((n, 4))
-        actor.pose(0, p_WB, q_WB, np.zeros((n, 3)), np.zeros((n, 3)))
+        p_WB, q_WB, _, _ = actor_pose(actor, 0)
         for name, p, q in zip(actor.bodies, p_WB, q_WB, strict=True):
             body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
             if body >= 0:

@@ -265,10 +265,6 @@ class Vehicle(StrictModel):
 
         return tuple(speed(group) for group in groups for _ in group.rotors)
 
-    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
-        """Return the least of `hover_speeds_radps`: that of all rotors of a vehicle with one set; infinite without."""
-        return min(self.hover_speeds_radps(density_ratio), default=math.inf)
-
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:
         """Return new forces for one body, in the order of their own states and commands."""
         drag = _kernels.AirDrag(

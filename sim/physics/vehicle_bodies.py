@@ -25,7 +25,7 @@ from struct import pack
 
 import numpy as np
 
-from signals.rotation import NO_TURN, norm, product
+from signals.rotation import NO_TURN, minus, norm, product
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import TURN_RAD
@@ -131,9 +131,10 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
             arm_ends.append(_along(rotor.position_m, rotor.axis, 2.0 * motor_m))
             body.rod(0.07 * R_m, (*centre, *arm_ends[-1]), material=frame, solid=False)
     for foot in vehicle.feet:
-        hip = min((_hip(foot.position_m, centre, end) for end in arm_ends), key=lambda p: _gap(p, foot.position_m))
+        hips = (_hip(foot.position_m, centre, end) for end in arm_ends)
+        hip = min(hips, key=lambda p: norm(minus(p, foot.position_m)))
         body.geom("sphere", (foot.radius_m,), material=frame, pos=foot.position_m, solid=False)
-        if _gap(hip, foot.position_m) > 1e-3:
+        if norm(minus(hip, foot.position_m)) > 1e-3:
             body.rod(0.045 * vehicle.most_radius_m, (*hip, *foot.position_m), material=frame, solid=False)
     for rotor_body, rotor, R_m in zip(blades, rotors, radii_m, strict=True):
         ahead = rotor.position_m[0] > centre[0]
@@ -166,7 +167,7 @@ def _wing_solids(vehicle: Vehicle) -> list[Corners]:
 
 
 def _is_motor(sphere: ContactSphere, rotors: tuple[Rotor, ...]) -> bool:
-    return any(_gap(sphere.position_m, rotor.position_m) < 1.5 * sphere.radius_m for rotor in rotors)
+    return any(norm(minus(sphere.position_m, rotor.position_m)) < 1.5 * sphere.radius_m for rotor in rotors)
 
 
 def _onto(axis: Vec3) -> Quat:
@@ -188,7 +189,3 @@ def _hip(p: Vec3, start: Vec3, end: Vec3) -> Vec3:
     share = ((p[0] - start[0]) * dx + (p[1] - start[1]) * dy) / length2 if length2 > 0.0 else 0.0
     share = min(0.5, max(0.0, share))
     return (start[0] + share * dx, start[1] + share * dy, start[2] + share * (end[2] - start[2]))
-
-
-def _gap(a: Vec3, b: Vec3) -> float:
-    return norm((a[0] - b[0], a[1] - b[1], a[2] - b[2]))

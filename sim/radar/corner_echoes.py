@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_atan2
-from signals.rotation import matrix_of
+from signals.rotation import applied_back, dot, matrix_of
 from signals.samples import Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
@@ -94,18 +94,17 @@ class CornerEchoes:
             if self._mask.max_range_m is not None and range_m > self._mask.max_range_m:
                 continue
             d_W = (x / range_m, y / range_m, z / range_m)
-            d_K = rotated_back(R_WK, d_W)
+            d_K = applied_back(R_WK, d_W)
             area_m2 = effective_area_m2((-d_K[0], -d_K[1], -d_K[2]), corner.edge_m)
-            d_C = rotated_back(pose.R_WC, d_W)
+            d_C = applied_back(pose.R_WC, d_W)
             if area_m2 == 0.0 or not self._is_free(picture_range, d_C, range_m - sqrt(2.0) * corner.edge_m):
                 continue
             d_R = np.array([[d_C[2], -d_C[0], -d_C[1]]])
             share = float(self._antenna.share(d_R)[0])
             if share < self._floor or not self._mask.in_window(d_R)[0]:
                 continue
-            v = pose.v_WC_W
             out.range_m[at] = range_m
-            out.speed_mps[at] = -(v[0] * d_W[0] + v[1] * d_W[1] + v[2] * d_W[2])
+            out.speed_mps[at] = -dot(pose.v_WC_W, d_W)
             out.direction_R[at] = d_R[0]
             out.amplitude[at] = self._scale * sqrt(share) * area_m2 / (range_m * range_m)
             at += 1
@@ -125,12 +124,6 @@ class CornerEchoes:
         if x * d_C[0] + y * d_C[1] + z * d_C[2] < 1.0 - 4.0 * float(self._pixel_sr[i, j]):
             return False
         return float(picture_range[i, j]) >= min_m
-
-
-def rotated_back(R: Sequence[float], v: Vec3) -> Vec3:
-    """Return R^T v."""
-    x, y, z = v
-    return (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
 
 
 def _pixel(camera: CameraModel, d_C: Vec3) -> tuple[float, float] | None:

@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import det_pow
+from signals.rotation import applied, applied_back, dot
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 from sim._kernels import MirrorSearch, Vicinity, mirror_in_plane
@@ -267,9 +268,9 @@ class GhostEchoes:
     ) -> _Rays:
         """Return the rays by the mirrors `hits` that meet a surface with an echo; `assumed`: as from `_mirrors`."""
         n = hits.normal
-        bent = way_W - 2.0 * _dot(way_W, n) * n
+        bent = way_W - 2.0 * dot(way_W, n) * n
         origin = _at(p_W) + hits.range_m * way_W + _LIFT_M * n
-        found = self._cast_within(origin, bent, self._reach_m(hits.range_m, _dot(way_W, bent)))
+        found = self._cast_within(origin, bent, self._reach_m(hits.range_m, dot(way_W, bent)))
         keep = self._echoes_at[found.geom]
         if assumed is not None:
             check = np.flatnonzero(keep & assumed)
@@ -336,10 +337,10 @@ class GhostEchoes:
     def _ghosts(self, pose: CameraPose, axes: Float64, rays: _Rays) -> Ghosts:
         found = rays.found
         surface = self._surface[found.geom]
-        cos_in = -_dot(found.normal, rays.bent_W)
+        cos_in = -dot(found.normal, rays.bent_W)
         image_m = rays.first_m + found.range_m
         v_W = pose.v_WC_W
-        image_mps = found.speed_mps - _along(rays.way_W, v_W)
+        image_mps = found.speed_mps - dot(rays.way_W, v_W)
         way_R = _turned_back(rays.way_W, axes)
         tx, rx = self._shares(way_R)
         kept = cos_in > _LEAST_COSINE
@@ -355,11 +356,11 @@ class GhostEchoes:
         parts = [self._made(BOTH, both, rays, image_m[both], image_mps[both], there_R, there_R, amplitude)]
 
         bent_place = rays.first_m * rays.way_W + found.range_m * rays.bent_W
-        direct_m = np.sqrt(_dot(bent_place, bent_place))
+        direct_m = np.sqrt(dot(bent_place, bent_place))
         mean_m = 0.5 * (image_m + direct_m)
         kept &= (direct_m > _TOUCH_M) & (mean_m <= self._limit_m)
         direct_W = bent_place / np.maximum(direct_m, _TOUCH_M)
-        cos_out = -_dot(found.normal, direct_W)
+        cos_out = -dot(found.normal, direct_W)
         direct_R = _turned_back(direct_W, axes)
         tx_direct, rx_direct = self._shares(direct_R)
         out_share, back_share = tx * rx_direct, tx_direct * rx
@@ -372,11 +373,11 @@ class GhostEchoes:
         on_it = np.flatnonzero(free & (seen.range_m <= direct_m[candidates] + _TOUCH_M))
         at, seen = candidates[on_it], seen.of(on_it)
         to_W, normal = direct_W[:, at], found.normal[:, at]
-        mean_mps = 0.5 * (image_mps[at] + seen.speed_mps - _along(to_W, v_W))
+        mean_mps = 0.5 * (image_mps[at] + seen.speed_mps - dot(to_W, v_W))
         c, c_out = cos_in[at], cos_out[at]
         bisector = -(rays.bent_W[:, at] + to_W)
-        length = np.sqrt(np.maximum(_dot(bisector, bisector), 1e-12))
-        cos_beta = np.clip(_dot(bisector, normal) / length, 0.0, 1.0)
+        length = np.sqrt(np.maximum(dot(bisector, bisector), 1e-12))
+        cos_beta = np.clip(dot(bisector, normal) / length, 0.0, 1.0)
         cos_local = np.clip(0.5 * length, 0.0, 1.0)
         sigma0 = self._reflection.sigma0(surface[at], c, c_out, cos_beta, cos_local)
         common = self._scale * np.sqrt(rays.power[at] * sigma0 * rays.solid_sr[at] / c) / direct_m[at]
@@ -484,20 +485,12 @@ def _columns(rows: Float64) -> Vectors:
 
 
 def _turned(d_R: Vectors, axes: Float64) -> Vectors:
-    return np.stack([d_R[0] * x + d_R[1] * y + d_R[2] * z for x, y, z in axes.T.tolist()])
+    return np.stack(applied_back(axes.ravel().tolist(), d_R))
 
 
 def _turned_back(d_W: Vectors, axes: Float64) -> Float64:
     """Return directions in R as rows of three, as echoes have them."""
-    return np.stack([_along(d_W, axis) for axis in axes.tolist()], axis=1)
-
-
-def _dot(a: Vectors, b: Vectors) -> Float64:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-def _along(a: Vectors, v: Vec3) -> Float64:
-    return np.asarray(a[0] * v[0] + a[1] * v[1] + a[2] * v[2])
+    return np.stack(applied(axes.ravel().tolist(), d_W), axis=1)
 
 
 def _at(p: Vec3) -> Vectors:

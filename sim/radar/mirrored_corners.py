@@ -15,11 +15,11 @@ from math import sqrt
 
 import numpy as np
 
-from signals.rotation import matrix_of
+from signals.rotation import applied_back, dot, matrix_of, minus, norm
 from signals.samples import Vec3
 from sim.frame.camera_pose import CameraPose
 from sim.radar.antenna import Antenna
-from sim.radar.corner_echoes import effective_area_m2, rotated_back
+from sim.radar.corner_echoes import effective_area_m2
 from sim.radar.mask import Mask
 from sim.scene.scene_map import CornerReflector
 
@@ -79,53 +79,39 @@ class MirroredCorners:
             for plane in planes:
                 n, h = plane.normal_W, plane.distance_m
                 image: Vec3 = (o[0] - 2.0 * h * n[0], o[1] - 2.0 * h * n[1], o[2] - 2.0 * h * n[2])
-                if any(_distance(image, other) < _TOUCH_M for other in images):
+                if any(norm(minus(image, other)) < _TOUCH_M for other in images):
                     continue
-                range_m = _distance(image, corner.p_WK)
+                range_m = norm(minus(image, corner.p_WK))
                 if not corner.edge_m < range_m <= limit_m:
                     continue
-                u_W = _ratio(_minus(corner.p_WK, image), range_m)
-                drop = _dot(u_W, n)
-                above_m = _dot(_minus(corner.p_WK, o), n) + h  # of the corner over the plane
+                u_W = _ratio(minus(corner.p_WK, image), range_m)
+                drop = dot(u_W, n)
+                above_m = dot(minus(corner.p_WK, o), n) + h  # of the corner over the plane
                 if drop <= 1e-3 or above_m <= 0.0:
                     continue
                 first_m = h / drop  # from O' to B, and from O to B
                 b_W: Vec3 = (image[0] + first_m * u_W[0], image[1] + first_m * u_W[1], image[2] + first_m * u_W[2])
-                d_W = _ratio(_minus(b_W, o), first_m)
+                d_W = _ratio(minus(b_W, o), first_m)
                 reached_m, geom, normal = cast(o, d_W)
-                if abs(reached_m - first_m) > _TOUCH_M or _dot(normal, n) < _SAME_NORMAL:
+                if abs(reached_m - first_m) > _TOUCH_M or dot(normal, n) < _SAME_NORMAL:
                     continue
                 lifted: Vec3 = (b_W[0] + _LIFT_M * n[0], b_W[1] + _LIFT_M * n[1], b_W[2] + _LIFT_M * n[2])
                 free_m, plate, _ = cast(lifted, u_W)
                 if free_m < range_m - first_m - sqrt(2.0) * corner.edge_m:
                     continue
-                u_K = rotated_back(R_WK, u_W)
+                u_K = applied_back(R_WK, u_W)
                 area_m2 = effective_area_m2((-u_K[0], -u_K[1], -u_K[2]), corner.edge_m)
-                d_C = rotated_back(pose.R_WC, d_W)
-                d_R: Vec3 = (d_C[2], -d_C[0], -d_C[1])
+                d_R = pose.in_radar_frame(d_W)
                 row = np.array([d_R])
                 share = float(self._antenna.share(row)[0])
                 if area_m2 == 0.0 or share < _PATTERN_FLOOR or not self._mask.in_window(row)[0]:
                     continue
                 amplitude = self._scale * sqrt(share) * area_m2 * power(geom, drop) / (range_m * range_m)
                 images.append(image)
-                speed_mps = -_dot(pose.v_WC_W, d_W)
+                speed_mps = -dot(pose.v_WC_W, d_W)
                 found.append(CornerImage(range_m, speed_mps, d_R, amplitude, plate, geom))
         return found
 
 
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
 def _ratio(a: Vec3, length: float) -> Vec3:
     return (a[0] / length, a[1] / length, a[2] / length)
-
-
-def _dot(a: Vec3, b: Vec3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _distance(a: Vec3, b: Vec3) -> float:
-    d = _minus(a, b)
-    return sqrt(_dot(d, d))

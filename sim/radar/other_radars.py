@@ -8,12 +8,12 @@ of its own vehicle.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import rotate_into_body
+from signals.rotation import minus, norm
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from sim._kernels import Vicinity
@@ -21,6 +21,7 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mount import Mount
 from sim.radar.interference import Interfered, Path, Transmission
+from sim.scene.scene_map import actor_pose
 
 _REST: Vec3 = (0.0, 0.0, 0.0)
 
@@ -57,17 +58,15 @@ class OtherRadars:
     def _path(self, pose: CameraPose, other: _Announced, t_ns: int) -> Path | None:
         """Return the way to another radar; None if something is on it."""
         actor = self._geometry.world.map.actors[other.actor]
-        n = len(actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        actor.pose(t_ns, p, q, v, w)
+        p, q, v, w = actor_pose(actor, t_ns)
         if not np.all(np.isfinite(p[0])):
             return None
         q_WB, w_W = tuple(q[0].tolist()), tuple(w[0].tolist())
         p_WB, v_W, w_B = tuple(p[0].tolist()), tuple(v[0].tolist()), rotate_into_body(q_WB, w_W)
         state = TruthState(0, t_ns, p_WB, q_WB, v_W, w_B, _REST, _REST, (), False)
         there = other.optical.pose(state)
-        way = tuple(a - b for a, b in zip(there.p_WC, pose.p_WC, strict=True))
-        range_m = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        way = minus(there.p_WC, pose.p_WC)
+        range_m = norm(way)
         if not range_m > 0.01:
             return None
         d_W = (way[0] / range_m, way[1] / range_m, way[2] / range_m)
@@ -75,17 +74,10 @@ class OtherRadars:
         if self._reach_m(pose.p_WC, d_W, range_m) < range_m - radius_m:
             return None
         speed_mps = sum((a - b) * d for a, b, d in zip(there.v_WC_W, pose.v_WC_W, d_W, strict=True))
-        return Path(range_m, speed_mps, _in_R(pose, d_W), _in_R(there, (-d_W[0], -d_W[1], -d_W[2])))
+        return Path(range_m, speed_mps, pose.in_radar_frame(d_W), there.in_radar_frame((-d_W[0], -d_W[1], -d_W[2])))
 
     def _reach_m(self, p_W: Vec3, d_W: Vec3, limit_m: float) -> float:
         self._geometry.pose_within(Vicinity(p_W, p_W, limit_m))
         reach_m, geom = np.empty(1), np.empty(1, np.int32)
         self._geometry.caster.cast(np.array([p_W]), np.array([d_W]), 0.0, limit_m, reach_m, geom)
         return float(reach_m[0])
-
-
-def _in_R(pose: CameraPose, d_W: Vec3) -> Vec3:
-    """Return a direction in R: x_R = z_C, y_R = -x_C, z_R = -y_C."""
-    R, (x, y, z) = pose.R_WC, d_W
-    d_C = (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
-    return (d_C[2], -d_C[0], -d_C[1])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from signals.documents.yaml_lines import dump_yaml, read_yaml
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.radar.calibration import Calibration
 from sim.radar.recording import Recording
 
@@ -35,7 +35,7 @@ def hardware_of(preset: Path) -> Hardware:
         parameters = data["parameters"]
         return Hardware(data["sources"], parameters["antenna"], parameters["receiver"])
     except (KeyError, TypeError) as error:
-        raise ConfigError([Problem(str(preset), f"holds no antenna and receiver of a radar: {error!r}")]) from error
+        raise ConfigError.at(str(preset), f"holds no antenna and receiver of a radar: {error!r}") from error
 
 
 def with_receivers(hardware: Hardware, antennas: Sequence[int]) -> Hardware | None:

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_cos, det_exp, det_log, det_pow, det_sin
 from signals.noise import noise_key
+from signals.rotation import dot
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
@@ -225,5 +226,5 @@ class Rain:
         amplitude = self._weight[pixel] * np.sqrt(share) / range_m
         amplitude[range_m >= picture_range.reshape(-1)[pixel]] = 0.0
         along = [fall_mps * g - v for g, v in zip(down_R, v_R, strict=True)]
-        speed_mps = d[:, 0] * along[0] + d[:, 1] * along[1] + d[:, 2] * along[2]
+        speed_mps = dot(d.T, along)
         return Echoes(range_m, speed_mps, np.ascontiguousarray(d), amplitude)

@@ -20,7 +20,7 @@ import numpy as np
 import pydantic
 from numpy.typing import NDArray
 
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 from sim.radar.chirp import Chirp
 
 ADC_BITS = 12
@@ -71,7 +71,7 @@ def load_recording(path: Path) -> Recording:
 def save_recording(path: Path, recording: Recording) -> None:
     """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError or RecordingError."""
     if path.suffix not in (".npz", ".npy"):
-        raise ConfigError([Problem(str(path), "a radar recording is a .npz or .npy file")])
+        raise ConfigError.at(str(path), "a radar recording is a .npz or .npy file")
     config = device_config(
         recording.chirp,
         recording.rx_antennas,
@@ -79,15 +79,13 @@ def save_recording(path: Path, recording: Recording) -> None:
         hp_cutoff_hz=recording.hp_cutoff_hz,
         aaf_cutoff_hz=recording.aaf_cutoff_hz,
     )
-    try:
+    with file_errors(path):
         if path.suffix == ".npz":
             np.savez_compressed(path, adc=recording.adc)
         else:
             np.save(path, recording.adc)
         text = json.dumps(config, indent=4) + "\n"
         settings_path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def device_config(

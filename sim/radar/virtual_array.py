@@ -21,6 +21,7 @@ from itertools import combinations
 from math import sqrt
 
 from signals._kernel import det_asin, det_sin
+from signals.rotation import minus
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 from sim.radar.chirp import Chirp
@@ -92,7 +93,7 @@ def as_array(array: VirtualArray | Sequence[Sequence[float]]) -> VirtualArray:
 
 def _shortest(positions_m: Sequence[Vec3], wavelength_m: float) -> list[Vec3]:
     """Return the shortest bases across the axis that span the array: none, one, or two."""
-    bases = [(a[0] - b[0], a[1] - b[1], a[2] - b[2]) for a, b in combinations(positions_m, 2)]
+    bases = [minus(a, b) for a, b in combinations(positions_m, 2)]
     apart = [b for b in bases if b[1] * b[1] + b[2] * b[2] > (_SAME_PLACE * wavelength_m) ** 2]
     apart.sort(key=lambda b: b[1] * b[1] + b[2] * b[2])
     found: list[Vec3] = []

@@ -11,7 +11,7 @@ import math
 import os
 from dataclasses import dataclass, field
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 _UNITS = {  # limit -> variable, size of its unit, and what it counts
     "memory_bytes": ("HIL_MAP_MEMORY_GB", 1e9, "GB of memory"),
@@ -62,7 +62,7 @@ def map_limits() -> MapLimits:
         except ValueError:
             value = math.nan
         if not 0.0 < value < 1e9:
-            raise ConfigError([Problem(f"${variable}", f"must be a number above 0, not {text[:40]!r}")])
+            raise ConfigError.at(f"${variable}", f"must be a number above 0, not {text[:40]!r}")
         values[name] = value * unit
     return MapLimits(**values)
 
@@ -108,7 +108,7 @@ class Budget:
         if _AT_ONCE * n_bytes > self.limits.memory_bytes:
             allowed = f"an eighth of the {self.limits.told('memory_bytes')} of a whole map is allowed"
             message = f"needs {n_bytes / 1e9:,.3g} GB of memory at once for {where}; {allowed}"
-            raise ConfigError([Problem(self.source, message, raise_hint("memory_bytes", _AT_ONCE * n_bytes))])
+            raise ConfigError.at(self.source, message, raise_hint("memory_bytes", _AT_ONCE * n_bytes))
 
     def exceeded(self, name: str, where: str, needed: float = 0.0) -> ConfigError:
         """Return the error for a limit; `needed`: what the map asks for, if it is known."""
@@ -118,7 +118,7 @@ class Budget:
             message = f"needs {needed / unit:,.4g} {text} with {where}; {told} are allowed for a whole map"
         else:
             message = f"needs more than {told} for {where}; that is the limit of a whole map"
-        return ConfigError([Problem(self.source, message, raise_hint(name, needed))])
+        return ConfigError.at(self.source, message, raise_hint(name, needed))
 
     def _charge(self, name: str, amount: float, where: str) -> None:
         self._spent[name] += amount

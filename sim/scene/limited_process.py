@@ -34,7 +34,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.scene.budget import Budget
 from sim.scene.work_progress import progress, read_state
 
@@ -82,7 +82,7 @@ def limited(function: str, *arguments: Any, budget: Budget, what: str) -> Any:
     if kind == "space":
         raise _no_space(folder, value)
     hint = "the file may be damaged; if not, this is a defect of the bench"
-    raise ConfigError([Problem(budget.source, f"cannot be made into a map: {value}", hint)])
+    raise ConfigError.at(budget.source, f"cannot be made into a map: {value}", hint)
 
 
 def _wait(reply: Any, folder: Path, source: str, what: str) -> None:
@@ -107,7 +107,7 @@ def _working_directory() -> str:
 
 def _no_space(folder: Path, error: OSError) -> ConfigError:
     hint = "make space, or name another folder by the environment variable TMPDIR"
-    return ConfigError([Problem(str(folder.parent), f"a temporary file cannot be written: {error.strerror}", hint)])
+    return ConfigError.at(str(folder.parent), f"a temporary file cannot be written: {error.strerror}", hint)
 
 
 def _ended(status: int, budget: Budget, what: str) -> ConfigError:
@@ -118,7 +118,7 @@ def _ended(status: int, budget: Budget, what: str) -> ConfigError:
     cause = signal.Signals(-number).name if number < 0 else f"status {number}"
     message = f"{what} ended with {cause}"
     hint = "the system may have run out of memory" if number == -signal.SIGKILL else "the file may be damaged"
-    return ConfigError([Problem(budget.source, message, hint)])
+    return ConfigError.at(budget.source, message, hint)
 
 
 class _Host:

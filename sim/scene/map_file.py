@@ -110,25 +110,24 @@ def parse_xml(path: Path, budget: Budget, where: str = "") -> Element:
     source = shown_path(path)
     try:
         if not path.exists():
-            raise ConfigError([Problem(where or source, f"no such file: {source}" if where else "no such file")])
+            raise ConfigError.at(where or source, f"no such file: {source}" if where else "no such file")
         if not path.is_file():
-            raise ConfigError([Problem(where or source, f"{source} is not a regular file")])
+            raise ConfigError.at(where or source, f"{source} is not a regular file")
         if path.stat().st_size > MAX_XML_BYTES:
-            raise ConfigError([Problem(source, f"is longer than the {MAX_XML_BYTES / 1e6:g} MB that are read")])
+            raise ConfigError.at(source, f"is longer than the {MAX_XML_BYTES / 1e6:g} MB that are read")
         budget.memory(_COPIES_OF_TEXT * path.stat().st_size, source)
         data = path.read_bytes()
     except (OSError, ValueError) as error:
-        raise ConfigError([Problem(where or source, f"{source} cannot be read: {error}")]) from None
+        raise ConfigError.at(where or source, f"{source} cannot be read: {error}") from None
     if not data.strip():
-        raise ConfigError([Problem(source, "is empty", "an MJCF file begins with <mujoco>")])
+        raise ConfigError.at(source, "is empty", "an MJCF file begins with <mujoco>")
     parser = xml.parsers.expat.ParserCreate()
     open_elements: list[Element] = []
     roots: list[Element] = []
 
     def entity(name: str, *_: object) -> None:
-        where = f"{source}:{parser.CurrentLineNumber}"
         message = f"declares the entity {name[:40]!r}, which could expand to any size"
-        raise ConfigError([Problem(where, message, "write its text where it is used")])
+        raise ConfigError.at(f"{source}:{parser.CurrentLineNumber}", message, "write its text where it is used")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         place = f"the elements up to {source}:{parser.CurrentLineNumber}"
@@ -136,7 +135,7 @@ def parse_xml(path: Path, budget: Budget, where: str = "") -> Element:
         budget.memory(_ELEMENT_BYTES, place)
         element = Element(tag, attributes, source, parser.CurrentLineNumber)
         if len(open_elements) > MAX_DEPTH:
-            raise ConfigError([Problem(element.where, f"is nested too deeply: more than {MAX_DEPTH} elements")])
+            raise ConfigError.at(element.where, f"is nested too deeply: more than {MAX_DEPTH} elements")
         (open_elements[-1].children if open_elements else roots).append(element)
         open_elements.append(element)
 
@@ -150,9 +149,9 @@ def parse_xml(path: Path, budget: Budget, where: str = "") -> Element:
         parser.Parse(data, True)
     except xml.parsers.expat.ExpatError as error:
         text = xml.parsers.expat.ErrorString(error.code)
-        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {text}")]) from None
+        raise ConfigError.at(f"{source}:{error.lineno}", f"is not valid XML: {text}") from None
     except (ValueError, LookupError) as error:  # an unknown encoding
-        raise ConfigError([Problem(f"{source}:1", f"is not valid XML: {error}")]) from None
+        raise ConfigError.at(f"{source}:1", f"is not valid XML: {error}") from None
     return roots[0]
 
 
@@ -177,9 +176,9 @@ class _MapReader:
     def read(self) -> MapFile:
         root = parse_xml(self._path, self._budget)
         if root.tag == "robot":
-            raise ConfigError([Problem(root.where, "is URDF, not MJCF", "MuJoCo's own `compile` turns it into MJCF")])
+            raise ConfigError.at(root.where, "is URDF, not MJCF", "MuJoCo's own `compile` turns it into MJCF")
         if root.tag != "mujoco":
-            raise ConfigError([Problem(root.where, f"is not MJCF: it begins with <{root.tag}>, not with <mujoco>")])
+            raise ConfigError.at(root.where, f"is not MJCF: it begins with <{root.tag}>, not with <mujoco>")
         self._include(root, self._path, [self._path.resolve()], set())
         paths: dict[str, str] = {}
         for element in root.walk():

@@ -69,6 +69,14 @@ class Actor(Protocol):
         ...
 
 
+def actor_pose(actor: Actor, t_ns: int) -> tuple[Float64, Float64, Float64, Float64]:
+    """Return what `Actor.pose` fills, p_WB, q_WB, v_WB_W and w_WB_W, in new arrays."""
+    n = len(actor.bodies)
+    pose = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
+    actor.pose(t_ns, *pose)
+    return pose
+
+
 @dataclass(frozen=True)
 class SceneMap:
     """Map as data. Solid geoms have contype = conaffinity = 1; geoms that are only visible have 0."""

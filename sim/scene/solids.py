@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.rotation import matrix_of, product
+from signals.rotation import applied_to_rows, matrix_of, product
 from sim._kernels import SolidTree
 from sim.scene.world import World
 
@@ -53,12 +53,6 @@ def _matrices(q: Float64) -> Float64:
     return np.stack(matrix_of(q.T), -1).reshape(-1, 3, 3)
 
 
-def _rotated(q: Float64, v: Float64) -> Float64:
-    # Sums are written out: the order of additions in a matrix product depends on the machine.
-    R = _matrices(q)
-    return (R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2]) + R[:, :, 2] * v[:, 2:3]
-
-
 def _unit(q: Float64) -> Float64:
     return q / np.sqrt(((q[:, :1] ** 2 + q[:, 1:2] ** 2) + q[:, 2:3] ** 2) + q[:, 3:] ** 2)
 
@@ -82,10 +76,10 @@ def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
         if p == 0:
             continue
         root[body] = root[p]
-        position[body] = position[p] + _rotated(quaternion[p : p + 1], model.body_pos[body : body + 1])[0]
+        position[body] = position[p] + applied_to_rows(_matrices(quaternion[p : p + 1])[0], model.body_pos[body])
         quaternion[body] = product(quaternion[p].tolist(), model.body_quat[body].tolist())
     body = model.geom_bodyid[geoms].astype(np.int64)
-    geom_position = position[body] + _rotated(quaternion[body], model.geom_pos[geoms])
+    geom_position = position[body] + applied_to_rows(_matrices(quaternion[body]), model.geom_pos[geoms])
     geom_quaternion = _unit(np.stack(product(quaternion[body].T, model.geom_quat[geoms].T), -1))
     return PlacedGeoms(geoms, root[body], np.round(geom_position, _DIGITS), np.round(geom_quaternion, _DIGITS))
 

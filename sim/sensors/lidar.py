@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals._kernel import rotate_into_world
-from signals.rotation import matrix_of
+from signals.rotation import cross, matrix_of
 from signals.samples import PointCloudSample, TruthState
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
@@ -270,15 +270,7 @@ def _perpendicular(d: Float64) -> tuple[Float64, Float64]:
     steep = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] < 1e-12  # straight up or down: any level direction is valid
     level[steep] = (0.0, 1.0, 0.0)
     level = _unit(level)
-    up = np.stack(
-        [
-            d[:, 1] * level[:, 2] - d[:, 2] * level[:, 1],
-            d[:, 2] * level[:, 0] - d[:, 0] * level[:, 2],
-            d[:, 0] * level[:, 1] - d[:, 1] * level[:, 0],
-        ],
-        axis=-1,
-    )
-    return level, up
+    return level, np.stack(cross(d.T, level.T), axis=-1)
 
 
 KIND = Kind(Lidar, LidarParameters)

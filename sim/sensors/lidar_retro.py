@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.rotation import dot
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
@@ -56,6 +57,5 @@ class Retroreflectors:
         ray = np.flatnonzero(coefficient)
         if ray.size == 0:
             return
-        n, d = normal[ray], direction[ray]
-        cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
+        cosine = np.abs(dot(normal[ray].T, direction[ray].T))
         strength[ray] += _PI * coefficient[ray] * falloff(cosine) / np.maximum(cosine, _COSINE[0])

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_cos, det_exp
 from signals.noise import exponential_nodes, noise_key
+from signals.rotation import dot
 from signals.units import LIGHT_MPS, RAD_PER_DEG
 from sim.scene.light import light_in_haze
 from sim.scene.scene import Scene
@@ -101,16 +102,12 @@ class SunNoise:
 
     def seen(self, echoes: Echoes, normal: Float64, direction: Float64, place: NDArray[np.int32], seq: int) -> Seen:
         """Return what is seen of the echoes of sweep `seq`. Ray i is element `place[i]` of all arrays."""
-        x, y, z = self._to_sun_W
-        facing = normal[:, 0] * x + normal[:, 1] * y + normal[:, 2] * z
-        from_behind = normal[:, 0] * direction[:, 0] + normal[:, 1] * direction[:, 1] + normal[:, 2] * direction[:, 2]
-        facing = np.where(from_behind > 0.0, -facing, facing)
+        facing = dot(normal.T, self._to_sun_W)
+        facing = np.where(dot(normal.T, direction.T) > 0.0, -facing, facing)
         # Normals of rays without an echo are undefined.
         radiance = np.where(np.isfinite(echoes.range_m), self._reflectivity[echoes.geom] * np.maximum(facing, 0.0), 0.0)
-        towards = direction[:, 0] * x + direction[:, 1] * y + direction[:, 2] * z
-        length = np.sqrt(
-            direction[:, 0] * direction[:, 0] + direction[:, 1] * direction[:, 1] + direction[:, 2] * direction[:, 2]
-        )
+        towards = dot(direction.T, self._to_sun_W)
+        length = np.sqrt(dot(direction.T, direction.T))
         blinded = ~np.isfinite(echoes.range_m) & (towards >= self._in_sun * length)
         dimmed = 1.0 / np.sqrt(1.0 + self._k * radiance)
         seen = Echoes(echoes.range_m, echoes.strength * dimmed, echoes.geom)

@@ -38,7 +38,7 @@ from signals._kernel import det_atan2, det_cos, det_pow
 from signals.documents.validate import StrictModel
 from signals.errors import ModelRangeError
 from signals.noise import NoiseStream
-from signals.rotation import matrix_of
+from signals.rotation import applied_back, matrix_of
 from signals.samples import DifferentialPressureSample, TruthState
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -125,7 +125,7 @@ class Pitot(InstalledSensor):
         """Return impact pressure and error of the static port [Pa]."""
         p = self._p
         u_B = airspeed_B_mps(truth, self._wind_at(), p.mount_m)
-        ux, uy, uz = _into(self._R_BT, u_B)
+        ux, uy, uz = applied_back(self._R_BT, u_B)
         speed = math.sqrt(ux * ux + uy * uy + uz * uz)
         if speed == 0.0:
             return 0.0, 0.0
@@ -138,16 +138,6 @@ class Pitot(InstalledSensor):
             alpha, beta = det_atan2(-uz, ux), det_atan2(-uy, ux)
             share += by_alpha * alpha * alpha + by_beta * beta * beta
         return impact, share * impact
-
-
-def _into(R_BT: tuple[float, ...], u: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return R^T u."""
-    R, (x, y, z) = R_BT, u
-    return (
-        R[0] * x + R[3] * y + R[6] * z,
-        R[1] * x + R[4] * y + R[7] * z,
-        R[2] * x + R[5] * y + R[8] * z,
-    )
 
 
 KIND = Kind(Pitot, PitotParameters)

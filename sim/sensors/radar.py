@@ -183,10 +183,9 @@ class RadarFrames:
 
 
 def _down_and_velocity(pose: CameraPose) -> tuple[Vec3, Vec3]:
-    """Return the direction of gravity and the velocity of the pose, in R: x_R = z_C, y_R = -x_C, z_R = -y_C."""
-    R, (x, y, z) = pose.R_WC, pose.v_WC_W
-    v_C = (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)
-    return (-R[8], R[6], R[7]), (v_C[2], -v_C[0], -v_C[1])
+    """Return the direction of gravity and the velocity of the pose, in R."""
+    R = pose.R_WC
+    return (-R[8], R[6], R[7]), pose.in_radar_frame(pose.v_WC_W)
 
 
 class Radar(InstalledSensor):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from signals._kernel import rotate_into_body
-from signals.rotation import cross
+from signals.rotation import cross, minus
 from signals.samples import TruthState, Vec3
 from sim.sensors.sensor import Installation
 
@@ -26,7 +26,6 @@ def wind_source(installation: Installation) -> Callable[[], Vec3]:
 
 def airspeed_B_mps(truth: TruthState, wind_W_mps: Vec3, point_m: Vec3) -> Vec3:
     """Return the velocity through the air of a point of the body, in B."""
-    v, w = truth.v_WB_W, wind_W_mps
-    x, y, z = rotate_into_body(truth.q_WB, (v[0] - w[0], v[1] - w[1], v[2] - w[2]))
+    x, y, z = rotate_into_body(truth.q_WB, minus(truth.v_WB_W, wind_W_mps))
     dx, dy, dz = cross(truth.w_WB_B, point_m)
     return (x + dx, y + dy, z + dz)

@@ -17,6 +17,7 @@ from typing import Any
 
 from signals._kernel import det_cos, det_sin
 from signals.noise import NoiseStream, noise_key
+from signals.rotation import cross
 from signals.units import TURN_RAD
 from sim.physics import multirotor
 from sim.physics.forces.rotors import Rotor
@@ -79,7 +80,7 @@ def _force(k_T: float, v: Vibration, rotor: Rotor, line: int, angle: float) -> t
     e1: Vector = (0.0, 0.0, 1.0)  # for a propeller along x_B, as in forces/rotors.cpp
     if across > _LEAST_ACROSS:
         e1 = ((1.0 - n[0] * n[0]) / across, -n[0] * n[1] / across, -n[0] * n[2] / across)
-    e2 = _cross(n, e1)
+    e2 = cross(n, e1)
     b, turn = v.imbalance_kgm, rotor.spin.sign
     along, aside = (b * c, turn * b * s), (-b * s, turn * b * c)
     return _plus(_scaled(e1, along[0]), _scaled(e2, along[1])), _plus(_scaled(e1, aside[0]), _scaled(e2, aside[1]))
@@ -87,9 +88,9 @@ def _force(k_T: float, v: Vibration, rotor: Rotor, line: int, angle: float) -> t
 
 def _felt(vehicle: Vehicle, rotor: Rotor, force: Vector, place_m: Vector) -> tuple[Vector, Vector]:
     """Return specific force at a place and angular acceleration for a force at the rotor's hub."""
-    torque, I = _cross(rotor.position_m, force), vehicle.inertia_kgm2  # noqa: E741 (the field's letter)
+    torque, I = cross(rotor.position_m, force), vehicle.inertia_kgm2  # noqa: E741 (the field's letter)
     alpha = (torque[0] / I[0], torque[1] / I[1], torque[2] / I[2])
-    return _plus(_scaled(force, 1.0 / vehicle.mass_kg), _cross(alpha, place_m)), alpha
+    return _plus(_scaled(force, 1.0 / vehicle.mass_kg), cross(alpha, place_m)), alpha
 
 
 def _scaled(v: Vector, size: float) -> Vector:
@@ -98,7 +99,3 @@ def _scaled(v: Vector, size: float) -> Vector:
 
 def _plus(a: Vector, b: Vector) -> Vector:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

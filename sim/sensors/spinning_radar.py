@@ -21,7 +21,7 @@ from pydantic import Field
 
 from signals._kernel import rotate_into_world
 from signals.noise import noise_key
-from signals.rotation import matrix_of
+from signals.rotation import dot, matrix_of
 from signals.samples import PointCloudSample, TruthState
 from sim._kernels import Vicinity, sweep_rays
 from sim.frame.mount import Mount
@@ -111,10 +111,9 @@ class SpinningRadar(InstalledSensor):
                 self._geom[part], self._normal[part],
             )  # fmt: skip
         self._frames.expect(t_ns)
-        n, d = self._normal, self._directions_W
-        cosine = -(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
+        cosine = -dot(self._normal.T, self._directions_W.T)
         some, power_w = self._beam.echoes(self._range, self._surface[self._geom], cosine)
-        spans = self._beam.spans(self._range, self._geom.astype(np.int64), n)
+        spans = self._beam.spans(self._range, self._geom.astype(np.int64), self._normal)
         self.power_w = self._beam.power(some, power_w, self._range, spans)
         bits = np.random.Philox(key=np.array(self._key, np.uint64), counter=[0, 0, seq, 0])
         self.polar = self._beam.codes(self.power_w, bits.random_raw(self.power_w.size).reshape(self.power_w.shape))

@@ -16,7 +16,7 @@ series at the capture: c2 = a / 2, c3 = 0, f2 = alpha / 2, f3 = w x alpha / 12. 
 from __future__ import annotations
 
 from signals._kernel import det_atan2
-from signals.rotation import conjugate, cross, norm, product
+from signals.rotation import conjugate, cross, minus, norm, product
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
@@ -30,7 +30,7 @@ def sweep_motion(now: TruthState, before: TruthState | None) -> Motion:
         turn = _rotation_vector(now.q_WB, before.q_WB)
         if norm(turn) <= _MAX_TURN_RAD:
             h = (now.t_ns - before.t_ns) / NS_PER_S
-            step: Vec3 = _difference(before.p_WB, now.p_WB)
+            step: Vec3 = minus(before.p_WB, now.p_WB)
             c2, c3 = _hermite(step, now.v_WB_W, before.v_WB_W, h)
             f2, f3 = _hermite(turn, now.w_WB_B, _rotation_rate(turn, before.w_WB_B), h)
             return now.p_WB, now.v_WB_W, c2, c3, now.q_WB, now.w_WB_B, f2, f3
@@ -75,10 +75,6 @@ def _rotation_rate(f: Vec3, w_B: Vec3) -> Vec3:
         w_B[1] + (0.5 * once[1] + twice[1] / 12.0),
         w_B[2] + (0.5 * once[2] + twice[2] / 12.0),
     )
-
-
-def _difference(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _scaled(k: float, a: Vec3) -> Vec3:

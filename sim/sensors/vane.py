@@ -23,7 +23,7 @@ from pydantic import Field
 from signals._kernel import det_atan2, det_exp
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream
-from signals.rotation import matrix_of
+from signals.rotation import applied_back, matrix_of
 from signals.samples import TruthState, VaneSample
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -84,11 +84,8 @@ class Vane(InstalledSensor):
         return VaneSample(seq, truth.t_ns, truth.t_ns + self.latency_ns, out[0], out[1])
 
     def _move(self, truth: TruthState) -> None:
-        p, R = self._p, self._R_BM
-        x, y, z = airspeed_B_mps(truth, self._wind_at(), p.mount_m)
-        forward = R[0] * x + R[3] * y + R[6] * z
-        left = R[1] * x + R[4] * y + R[7] * z
-        up = R[2] * x + R[5] * y + R[8] * z
+        p = self._p
+        forward, left, up = applied_back(self._R_BM, airspeed_B_mps(truth, self._wind_at(), p.mount_m))
         speed = math.sqrt(forward * forward + left * left + up * up)
         dt_s = max(truth.t_ns - self._was_ns, 0) / NS_PER_S
         self._was_ns = truth.t_ns

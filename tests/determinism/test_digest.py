@@ -6,8 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,6 +13,7 @@ import pytest
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from tests.worlds import cpu_masks
+from tests.worlds.strained_machine import busy_processors
 
 ROOT = Path(__file__).resolve().parents[2]
 # Long enough to boot, upload, arm, take off from contact and turn towards the first vertex.
@@ -40,17 +39,6 @@ def digest_in_process(out: Path, environment: dict[str, str]) -> str:
     return run["digest"]
 
 
-@contextmanager
-def busy(cores: int) -> Iterator[None]:
-    spinners = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(cores)]
-    try:
-        yield
-    finally:
-        for spinner in spinners:
-            spinner.kill()
-            spinner.wait()
-
-
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     return digest(tmp_path_factory.mktemp("reference"), LOOPBACK)
@@ -68,7 +56,7 @@ def test_repeated_runs_have_the_same_digest(reference: str, tmp_path: Path, runs
 )
 def test_over_the_pty_with_busy_cores(tmp_path: Path, cores: int, seconds: int) -> None:
     in_memory = digest(tmp_path / "in_memory", LOOPBACK, seconds=seconds)
-    with busy(cores):
+    with busy_processors(cores):
         assert digest(tmp_path / "pty", seconds=seconds) == in_memory
 
 

@@ -7,15 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from hil.cli.app import run_command_line
 from tests.worlds.bench_process import hil
-from tests.worlds.patience import PATIENCE_S
+from tests.worlds.patience import PATIENCE_S, until
 from tests.worlds.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,12 +26,6 @@ def status_of(out: Path) -> str:
     return run["status"]
 
 
-def wait_for(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not what() and time.monotonic() < deadline:
-        time.sleep(0.02)
-
-
 @pytest.mark.parametrize("name", ["SIGTERM", *(pytest.param(n, marks=pytest.mark.slow) for n in ("SIGHUP", "SIGINT"))])
 def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": 1, "status": "PASS"}')
@@ -41,9 +33,9 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
     command += ["--set", "pace=1", "--set", "record.report=false"]
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
-        wait_for(lambda: "Killed" in (tmp_path / "run.json").read_text())
+        until(lambda: "Killed" in (tmp_path / "run.json").read_text())
         assert status_of(tmp_path) == "ERROR"  # from the start on, in case of kill -9
-        wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))  # it flies
+        until(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))  # it flies
         bench.send_signal(getattr(signal, name))
         _, errors = bench.communicate(timeout=PATIENCE_S)
     finally:
@@ -139,10 +131,10 @@ def test_a_campaign_in_the_background_outlives_its_terminal_and_answers_sigint(t
         assert shell.stdout is not None
         process = int(shell.stdout.readline())
         try:
-            wait_for(lambda: cases(tmp_path / "out") > 0)
+            until(lambda: cases(tmp_path / "out") > 0)
             os.kill(process, signal.SIGHUP)
             before = cases(tmp_path / "out")
-            wait_for(lambda: cases(tmp_path / "out") > before + 10)
+            until(lambda: cases(tmp_path / "out") > before + 10)
             os.kill(process, signal.SIGINT)
             status, _ = shell.communicate(timeout=PATIENCE_S)
         except BaseException:
@@ -157,7 +149,7 @@ def test_a_run_that_flies_nothing_of_its_own_ends_at_a_signal_as_at_its_end(name
     command = [sys.executable, "-m", "hil.cli.entry", "run", "-q", "--out", str(tmp_path), "--set", "mission=null"]
     command += ["--set", "pace=1", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as bench:
-        wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))
+        until(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))
         bench.send_signal(getattr(signal, name))
         assert bench.wait(PATIENCE_S) == 0
     assert status_of(tmp_path) == "PASS"

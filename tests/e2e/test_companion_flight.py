@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +14,10 @@ from hil.run.replay import replay
 from hil.run_files import TRACE_NAME
 from tests.worlds.hop_flights import CAMERAS, RECTANGLE, fly, saved
 from tests.worlds.run_json_schema import problems_of
+from tests.worlds.strained_machine import busy_processors
 
 PILOT = "start: [waypoints], control: true, rate_hz: 25"
 RECORDED = "record: {report: false, tlog: false}\n"
-
-
-@contextmanager
-def busy_processors(count: int = 2) -> Iterator[None]:
-    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for hog in hogs:
-            hog.kill()
-            hog.wait()
 
 
 def from_trace(run: Path, out: Path, *settings: str) -> RunResult:
@@ -74,7 +60,7 @@ def test_the_rectangle_in_lockstep(tmp_path: Path) -> None:
 def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path: Path, mission: str) -> None:
     outcome = fly(tmp_path, f"{PILOT}, time: latency_true", mission=RECTANGLE if mission == "rectangle" else None)
     assert_flown(outcome.run, "latency_true")
-    with busy_processors():
+    with busy_processors(2):
         again = from_trace(outcome.out, tmp_path / "again")
     assert again.run["error"] is None
     assert again.run["digest"] == outcome.run["digest"]
@@ -86,7 +72,7 @@ def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path
 @pytest.mark.slow
 def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_repeats(tmp_path: Path) -> None:
     first = fly(tmp_path / "first", PILOT, RECORDED)
-    with busy_processors():
+    with busy_processors(2):
         second = fly(tmp_path / "second", PILOT)
     assert_flown(first.run, "lockstep")
     assert first.run["mission"]["reached"] == first.run["mission"]["waypoints"]

@@ -29,7 +29,7 @@ from hil.run.bench_run import run_bench
 from hil.run.recorder.reading import Recording
 from tests.worlds.bench_process import ROOT, free_port
 from tests.worlds.dashboard_page import PageThread
-from tests.worlds.foxglove_client import FoxgloveClient, wire_fields
+from tests.worlds.foxglove_client import FoxgloveClient, connected, wire_fields
 from tests.worlds.patience import PATIENCE_S
 
 pytest.importorskip("foxglove", reason="needs Foxglove's SDK: pip install 'hil-bench[foxglove]'")
@@ -72,13 +72,8 @@ def flown(
     port = free_port()
 
     def follow(act: Script) -> None:
-        end_s = time.monotonic() + PATIENCE_S
-        while not clients and time.monotonic() < end_s:
-            try:
-                clients.append(FoxgloveClient(port, *(() if wanted is None else (wanted,))))
-            except OSError:
-                time.sleep(0.02)
-        client = clients[0]
+        client = connected(port, *(() if wanted is None else (wanted,)))
+        clients.append(client)
         client.until(lambda: client.messages["/map/plan"] or (client.time_ns == 0 and client.channels))
         time.sleep(0.3)
         try:
@@ -412,14 +407,7 @@ def test_an_interrupt_ends_a_paused_run_and_frees_the_port(tmp_path: Path) -> No
     port = free_port()
     words = command(tmp_path, f"foxglove.port={port}", "foxglove.paused=true")
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ)
-    end_s = time.monotonic() + PATIENCE_S
-    client = None
-    while client is None and time.monotonic() < end_s:
-        try:
-            client = FoxgloveClient(port)
-        except OSError:
-            time.sleep(0.05)
-    assert client is not None
+    client = connected(port)
     assert client.until(lambda: "/truth/pose" in client.channels)
     process.send_signal(signal.SIGINT)
     process.wait(PATIENCE_S)

@@ -7,17 +7,15 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from hil.config import load_bench
-from hil.run.bench_run import run_bench
+from tests.worlds.bench_files import flown
 
 GPS = "sensors:\n  gps: {preset: here_plus, rate_hz: 10, sky: %s}\n"
 BRIEF = "record: {mcap: false, tlog: false, report: false}\nduration_s: 32\n"
 
 
 def fly(folder: Path, text: str) -> dict[str, Any]:
-    path = folder / "bench.yaml"
-    path.write_text(f"rig: mock\nmission: rigs/missions/rectangle.plan\nautopilot: {{transport: loopback}}\n{text}")
-    return run_bench(load_bench(path), folder / "run", quiet=True).run
+    text = f"rig: mock\nmission: rigs/missions/rectangle.plan\nautopilot: {{transport: loopback}}\n{text}"
+    return flown(folder, text).run
 
 
 def test_a_short_jamming_is_flown_through_and_recorded(tmp_path: Path) -> None:
@@ -29,8 +27,8 @@ def test_a_short_jamming_is_flown_through_and_recorded(tmp_path: Path) -> None:
     assert 15 <= gnss["fixes"]["no fix"] <= 27
     assert gnss["satellites"]["min"] == 0
     assert any(row["what"] == "gps: rays to satellites" for row in run["skipped"])
-    assert (tmp_path / "run/sky_gps.png").stat().st_size > 10_000
-    with (tmp_path / "run/run.mcap").open("rb") as file:
+    assert (tmp_path / "out/sky_gps.png").stat().st_size > 10_000
+    with (tmp_path / "out/run.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from hil.config import load_bench
-from hil.run.bench_run import RunResult, run_bench
+from hil.run.bench_run import RunResult
 from hil.run.recorder.reading import read_messages
 from signals.errors import ConfigError
+from tests.unit.hil.config.missions.test_missions_script import events
+from tests.worlds.bench_files import flown
 
 BENCH = """
 rig: mock
@@ -24,17 +26,7 @@ MISSION = Path(__file__).resolve().parents[2] / "rigs/missions/rectangle.plan"
 
 
 def fly(tmp_path: Path, what: str, *, seconds: int) -> RunResult:
-    file = tmp_path / "bench.yaml"
-    file.write_text(BENCH.format(mission=MISSION, what=what, seconds=seconds))
-    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
-
-
-def events(result: RunResult) -> list[tuple[float, str]]:
-    return [
-        (m.log_time_ns * 1e-9, m.decode()["msg"])
-        for m in read_messages(result.out / "run.mcap")
-        if m.topic == "/events"
-    ]
+    return flown(tmp_path, BENCH.format(mission=MISSION, what=what, seconds=seconds))
 
 
 def test_a_lost_rotor_is_recorded_and_brings_the_vehicle_down(tmp_path: Path) -> None:

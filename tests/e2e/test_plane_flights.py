@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from hil.config import load_bench
-from hil.run.bench_run import RunResult, run_bench
+from hil.run.bench_run import RunResult
 from hil.run.recorder.reading import read_messages
+from tests.worlds.bench_files import flown
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = (ROOT / "rigs/plane.yaml").read_text().replace("record: {mcap: true, tlog: true, report: true}", "")
@@ -37,9 +37,7 @@ def fly(tmp_path: Path, more: str = "", *, mission: Path | None = None) -> RunRe
     text = BENCH + "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n" + more
     if mission is not None:
         text = text.replace("mission: rigs/missions/circuit.waypoints", f"mission: {mission}")
-    file = tmp_path / "bench.yaml"
-    file.write_text(text)
-    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    return flown(tmp_path, text)
 
 
 @pytest.mark.slow
@@ -61,11 +59,9 @@ def test_loiters_speeds_jumps_and_the_way_home(tmp_path: Path) -> None:
     more = "autopilot: {transport: loopback, params: {RTL_LAND_DELAY: 5, RTL_DESCEND_ALT: 30, RTL_RETURN_ALT: 60}}\n"
     more += "plane_limits: {max_cross_track_m: 40, touchdown_error_m: null}\nduration_s: 500\n"
     text = BENCH.replace("duration_s: 400\n", "")
-    file = tmp_path / "bench.yaml"
     mission = mission_file(tmp_path / "variety.waypoints", items)
     text = text.replace("mission: rigs/missions/circuit.waypoints", f"mission: {mission}")
-    file.write_text(text + "record: {mcap: false, tlog: false, report: false}\n" + more)
-    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    result = flown(tmp_path, text + "record: {mcap: false, tlog: false, report: false}\n" + more)
     assert result.status == "PASS", result.run["verdict"]
     assert result.run["mission"]["reached"] == 8
     assert result.run["mission"]["loiter_error_m"] < 15.0
@@ -89,13 +85,8 @@ def test_an_engine_that_fails_ends_in_a_glide_and_the_verdict_names_it(tmp_path:
 @pytest.mark.parametrize("fault", ["angle_deg: -30", "angle_deg: 0", "angle_deg: 35"])
 def test_a_stuck_surface_fails_the_flight_and_not_the_bench(tmp_path: Path, fault: str) -> None:
     stuck = f"faults: {{surfaces: [{{kind: stuck, surface: elevon_left, at_s: 60, {fault}}}]}}\nduration_s: 120\n"
-    file = tmp_path / "bench.yaml"
-    file.write_text(
-        BENCH.replace("duration_s: 400\n", "")
-        + "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
-        + stuck
-    )
-    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    text = BENCH.replace("duration_s: 400\n", "") + "autopilot: {transport: loopback}\n"
+    result = flown(tmp_path, text + "record: {mcap: false, tlog: false, report: false}\n" + stuck)
     assert result.status in ("PASS", "FAIL")
     assert result.run["error"] is None
 
@@ -108,9 +99,7 @@ def test_gusty_wind_across_the_circuit(tmp_path: Path) -> None:
 def test_a_short_flight_records_deflections_and_air_data_and_names_the_fault(tmp_path: Path) -> None:
     fault = "faults: {surfaces: [{kind: stuck, surface: elevon_left, at_s: 8, angle_deg: 2}]}\n"
     text = BENCH.replace("duration_s: 400", "duration_s: 12") + "record: {mcap: true, tlog: false, report: true}\n"
-    file = tmp_path / "bench.yaml"
-    file.write_text(text + "autopilot: {transport: loopback}\nwind: {steady_W_mps: [-2, 0, 0]}\n" + fault)
-    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    result = flown(tmp_path, text + "autopilot: {transport: loopback}\nwind: {steady_W_mps: [-2, 0, 0]}\n" + fault)
     assert result.run["verdict"]["reasons"][-1] == "fault: surface elevon_left stuck at 2 degrees at 8 s"
     topics: dict[str, list[dict[str, Any]]] = {"/truth/surfaces": [], "/truth/air": [], "/truth/velocity": []}
     for message in read_messages(tmp_path / "out/run.mcap"):

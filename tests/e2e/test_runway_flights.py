@@ -8,8 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from hil.config import load_bench
-from hil.run.bench_run import RunResult, run_bench
+from hil.run.bench_run import RunResult
+from tests.worlds.bench_files import flown
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = (ROOT / "rigs/benches/runway.yaml").read_text().replace("record: {mcap: true, tlog: true, report: true}", "")
@@ -17,9 +17,7 @@ QUIET = "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, re
 
 
 def fly(tmp_path: Path, more: str = "", *, text: str = BENCH) -> RunResult:
-    file = tmp_path / "bench.yaml"
-    file.write_text(text + QUIET + more)
-    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    return flown(tmp_path, text + QUIET + more)
 
 
 @pytest.mark.slow
@@ -80,12 +78,9 @@ LAUNCHES = {
 def test_a_launch_is_detected_and_the_engine_stands_until_then(tmp_path: Path, kind: str) -> None:
     plane = (ROOT / "rigs/plane.yaml").read_text().replace("duration_s: 400", "duration_s: 20")
     plane = plane.replace("{kind: catapult, length_m: 4, speed_mps: 16}", LAUNCHES[kind])
-    file = tmp_path / "bench.yaml"
     params = "autopilot: {transport: loopback, params: {FW_LAUN_DETCN_ON: 1, FW_LAUN_MOT_DEL: 0.2}}\n"
-    file.write_text(
-        plane.replace("record: {mcap: true, tlog: true, report: true}", params + "record: {tlog: false, report: false}")
-    )
-    run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    record = params + "record: {tlog: false, report: false}"
+    flown(tmp_path, plane.replace("record: {mcap: true, tlog: true, report: true}", record))
     speeds: dict[float, float] = {}
     detected_s = released_s = 0.0
     (log,) = (tmp_path / "out").glob("*.mcap")

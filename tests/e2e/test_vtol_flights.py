@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.config import load_bench
-from hil.run.bench_run import RunResult, run_bench
+from hil.run.bench_run import RunResult
 from tests.e2e.test_plane_flights import Item, mission_file
+from tests.worlds.bench_files import flown
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = (ROOT / "rigs/vtol.yaml").read_text().replace("record: {mcap: true, tlog: true, report: true}", "")
@@ -23,9 +23,7 @@ def fly(tmp_path: Path, more: str = "", *, autopilot: str = "", items: list[Item
     if items is not None:
         mission = mission_file(tmp_path / "flown.waypoints", items)
         text = text.replace("mission: rigs/missions/vtol_circuit.waypoints", f"mission: {mission}")
-    file = tmp_path / "bench.yaml"
-    file.write_text(text)
-    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    return flown(tmp_path, text)
 
 
 def reasons(result: RunResult) -> str:
@@ -134,10 +132,7 @@ def test_a_pitot_that_is_blocked_on_the_wings(tmp_path: Path) -> None:
 def test_gusty_wind(tmp_path: Path, seed: int) -> None:
     wind = "wind: {steady_W_mps: [3, -4, 0], turbulence: {wind_20ft_mps: 5}}\n"
     text = BENCH.replace("seed: 1\n", f"seed: {seed}\n")
-    file = tmp_path / "bench.yaml"
-    file.write_text(
-        text + "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n" + wind
-    )
-    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    text += "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
+    result = flown(tmp_path, text + wind)
     assert result.status == "PASS", result.run["verdict"]
     assert result.run["mission"]["transition_loss_m"] < 4.0

@@ -13,8 +13,8 @@ import resource
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ import pytest
 
 from hil.cli.app import run_command_line
 from tests.worlds.run_json_schema import problems_of
+from tests.worlds.strained_machine import small_disk
 
 MB = 1 << 20
 SHORT = ("--set", "mission=rigs/missions/short.waypoints", "--set", "autopilot.transport=loopback")
@@ -89,19 +90,6 @@ def test_out_of_memory_is_told(tmp_path: Path, limit_mb: int) -> None:
     ended = hil("run", "--out", tmp_path / "out", "--quiet", AS=limit_mb * MB)
     check(ended, tmp_path / "out")
     assert "no memory is left" in ended.said
-
-
-@contextmanager
-def small_disk(folder: Path, size_kb: int) -> Iterator[Callable[[], None]]:
-    """Mount a file system of this size, and return what makes it larger; skip the test where that is not allowed."""
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={size_kb}k", "tmpfs", folder]
-    if os.getuid() != 0 or subprocess.run(mount, check=False, capture_output=True).returncode != 0:
-        pytest.skip("only root mounts file systems")
-    try:
-        yield lambda: subprocess.run(["mount", "-o", "remount,size=500M", folder], check=True) and None
-    finally:
-        subprocess.run(["umount", "-l", folder], check=True)
 
 
 @pytest.mark.parametrize("size_kb", [20, 300])

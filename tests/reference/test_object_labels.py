@@ -26,6 +26,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.lone_objects import LoneGeometry, LoneObjects
 from sim.frame.mount import Mount
+from sim.frame.mujoco_backend import WorldPose
 from sim.frame.object_box import BoxedPoints, ObjectBox, tight_boxes
 from sim.frame.object_shapes import ObjectShapes
 from sim.frame.scenery import alpha_masks
@@ -49,20 +50,6 @@ def frames() -> SharedFrames:
 def catalogue(frames: SharedFrames) -> Catalogue:
     world = frames.world
     return Catalogue.of_geoms(frames.classes, world.geom_instance, world.geom_class)
-
-
-def posed_by_mujoco(world: World, t_ns: int) -> mujoco.MjData:
-    """Return the poses of all geoms at `t_ns` by MuJoCo's kinematics of the actors' bodies."""
-    data = mujoco.MjData(world.model)
-    for actor in world.map.actors:
-        n = len(actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        actor.pose(t_ns, p, q, v, w)
-        for i, name in enumerate(actor.bodies):
-            mocap = int(world.model.body_mocapid[world.model.body(name).id])
-            data.mocap_pos[mocap], data.mocap_quat[mocap] = p[i], q[i]
-    mujoco.mj_kinematics(world.model, data)
-    return data
 
 
 def surface_points(model: mujoco.MjModel, geom: int) -> tuple[Array, bool]:
@@ -111,7 +98,7 @@ def check_box(world: World, data: mujoco.MjData, instance: int, box: ObjectBox) 
 
 def test_every_vertex_is_in_its_box_and_every_face_is_touched(frames: SharedFrames, catalogue: Catalogue) -> None:
     world, shapes = frames.world, ObjectShapes(frames.world)
-    data = posed_by_mujoco(world, T_NS)
+    data = WorldPose(world).at(T_NS)
     checked = exact = moving = 0
     up = np.array([0.3, -0.2, 0.9]) / math.sqrt(0.94)  # of a camera that is tilted
     for up_W in (np.array([0.0, 0.0, 1.0]), up):
@@ -139,7 +126,7 @@ def test_a_vehicle_in_flight_has_its_box_and_its_points() -> None:
     instance = world.instance_names.index(f"drone:{other}")
     box = tight_boxes(shapes, [shapes.posed(instance, T_NS)])[0]
     assert box is not None
-    check_box(world, posed_by_mujoco(world, T_NS), instance, box)
+    check_box(world, WorldPose(world).at(T_NS), instance, box)
     assert math.degrees(box.yaw_rad) == pytest.approx(70.0, abs=1e-6)
     seen = frames.seen_by(watcher)
     lidar, sample = swept(seen, truth_at((2.5, 2.9, 30.0), (0.0, 0.0, 0.0)), rolling=False, range_noise_m=0.0)
@@ -232,7 +219,7 @@ def test_occlusion_is_that_of_rays_through_every_pixel(
     """Pixels with and without all else, by MuJoCo's rays at the object alone and the caster's at the whole scene."""
     camera, truth, seen = seen_from(frames, catalogue, view)
     world, pose = frames.world, camera.mount.pose(truth)
-    data = posed_by_mujoco(world, T_NS)
+    data = WorldPose(world).at(T_NS)
     rays_C = camera.model.rays()
     frames.geometry.pose(T_NS)
     n = rays_C.shape[0] * rays_C.shape[1]

@@ -12,14 +12,14 @@ from sim.physics.forces.panels import Panels
 from sim.physics.vehicle import load_vehicle
 
 
-def _trainer() -> Panels:
+def trainer_panels() -> Panels:
     part = load_vehicle("trainer").forces[0]
     assert isinstance(part, Panels)
     return part
 
 
 def test_mutual_velocities_of_the_panels() -> None:
-    part = _trainer()
+    part = trainer_panels()
     seen, _ = influence(part)
     assert np.abs(seen - np.array(part.make(Effects()).influence)).max() < 1e-14
 
@@ -27,7 +27,7 @@ def test_mutual_velocities_of_the_panels() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_loads_in_any_flow(seed: int) -> None:
     """All directions and speeds from rest to 30 m/s, all deflections, body rates to 6 rad/s."""
-    part, random = _trainer(), np.random.default_rng(seed)
+    part, random = trainer_panels(), np.random.default_rng(seed)
     air = random.normal(size=3) * random.choice([0.1, 1.0, 8.0, 15.0])
     w, angles = random.uniform(-6.0, 6.0, 3), random.uniform(-0.52, 0.52, 4)
     force, torque = part.make(Effects()).wrench(tuple(air), tuple(w), list(angles), density_ratio=0.9)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from hil.config import Bench, load_bench
+from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError
 
 FLIGHT_SENSORS = """sensors:
@@ -36,3 +37,10 @@ def refused(text: str, **options: Any) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         load(text, **options)
     return [str(problem) for problem in caught.value.problems]
+
+
+def flown(folder: Path, text: str) -> RunResult:
+    """Write bench.yaml with this text into a folder, and fly it into its folder `out`."""
+    file = folder / "bench.yaml"
+    file.write_text(text, encoding="utf-8")
+    return run_bench(load_bench(file), folder / "out", quiet=True)

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-from tests.worlds.patience import PATIENCE_S
+from tests.worlds.patience import PATIENCE_S, until
 
 PROTOCOL = "foxglove.sdk.v1"
 PARAMETERS = ["pace", "paused", "wind.steady_mps", "wind.turbulence_mps"]
@@ -200,3 +200,14 @@ def wire_fields(data: bytes) -> dict[int, list[Any]]:
             fields[number].append(struct.unpack_from("<f", data, at)[0])
             at += 4
     return fields
+
+
+def connected(port: int, *wanted: Callable[[str], bool]) -> FoxgloveClient:
+    """Return a client of a server that may not listen yet."""
+
+    def client() -> FoxgloveClient | None:
+        with contextlib.suppress(OSError):
+            return FoxgloveClient(port, *wanted)
+        return None
+
+    return until(client, "Foxglove's server")

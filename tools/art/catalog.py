@@ -11,6 +11,7 @@ from sim.scene.maps.objects.animals import BIRD_SCALE
 from sim.scene.maps.objects.dog_coat import COATS
 from sim.scene.maps.plants.species import SPECIES
 from sim.scene.maps.season import Season
+from sim.scene.maps.texture_tools import png
 from tools.art.glb import Pieces, glb
 from tools.art.objects import animals, belongings, bench, dog, street_signs
 from tools.art.people import wheelchair
@@ -19,7 +20,7 @@ from tools.art.people.body_meshes import PARTS, body_mesh
 from tools.art.plants import conifers
 from tools.art.plants.branches import branches
 from tools.art.plants.cards import FORMS, bough
-from tools.art.png import png, quantised
+from tools.art.png import quantised
 from tools.art.textures import cloth, facade_tiles, fur, leaves, plain, vehicles
 from tools.art.textures.stop_sign import stop_sign
 from tools.art.vehicles import catalog as vehicle_models
@@ -67,7 +68,7 @@ def _drawn(make: Callable[[], plain.Image]) -> Any:
 
 
 def _png(make: Callable[[], Any]) -> bytes:
-    return png(make())
+    return png(make(), level=9)  # MuJoCo reads them as fast compressed as not
 
 
 def _models() -> dict[str, Callable[[], bytes]]:

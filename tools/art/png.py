@@ -1,4 +1,4 @@
-"""Writer of textures: PNG without filters, which MuJoCo reads as fast compressed as not."""
+"""Pixels of textures, and what their PNG files contain."""
 
 from __future__ import annotations
 
@@ -9,21 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """Return pixels (H, W, 3 or 4), red first, as PNG."""
-    height, width, channels = pixels.shape
-    rows = np.zeros((height, 1 + width * channels), np.uint8)  # each begins with the number of its filter, 0: none
-    rows[:, 1:] = pixels.reshape(height, -1)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)
-    body = zlib.compress(rows.tobytes(), 9)
-    return _SIGNATURE + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+_SIGNATURE_BYTES = 8
 
 
 def quantised(image: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
@@ -34,8 +20,8 @@ def quantised(image: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
 
 
 def contents(data: bytes) -> tuple[bytes, bytes]:
-    """Return header and rows of a file of `png`: zlib's versions differ in how they compress these."""
-    header, at, rows = b"", len(_SIGNATURE), b""
+    """Return header and rows of a PNG file: zlib's versions differ in how they compress these."""
+    header, at, rows = b"", _SIGNATURE_BYTES, b""
     while at < len(data):
         (size,) = struct.unpack_from(">I", data, at)
         kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + size]

@@ -25,7 +25,7 @@ from firmware_bridge.links.ardupilot.sitl import (
     write_defaults,
 )
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.samples import Vec3
 
 _DEFAULTS_NAME, _SUITE_DEFAULTS_NAME = "bench.parm", "vehicle.parm"
@@ -71,10 +71,8 @@ def start_command(installation: Installation, folder: Path) -> StartCommand:
     Raises RecordingError if the file cannot be written.
     """
     settings, path = installation.settings, folder / _DEFAULTS_NAME
-    try:
+    with file_errors(path):
         defaults = write_defaults(path, _vehicle_parameters(installation), base_file(installation.vehicle))
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
     argv = hand_start_command(
         build_name(installation.vehicle) if settings.binary is None else Path(settings.binary).expanduser().resolve(),
         home=installation.home,

@@ -21,7 +21,7 @@ from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.tcp import TcpServer
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, PortNotFound, Problem
+from signals.errors import ConfigError, PortNotFound
 
 # From this tick on PX4 answers one to one only if it integrates the IMU at the tick's rate and writes no log.
 _FAST_TICK_HZ = 400
@@ -151,7 +151,7 @@ def _airframe(data: Path, airframe: str) -> tuple[str, str]:
     for number, name in known.items():
         if airframe in (number, name):
             return number, name
-    raise ConfigError([Problem("autopilot.airframe", *_unknown_airframe(known, airframe))])
+    raise ConfigError.at("autopilot.airframe", *_unknown_airframe(known, airframe))
 
 
 def _airframes(data: Path) -> dict[str, str]:

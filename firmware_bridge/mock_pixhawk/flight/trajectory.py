@@ -92,12 +92,10 @@ class Trajectory:
 
     __slots__ = ("_limits", "_pieces", "a", "length", "piece", "position", "s", "tangent", "v", "waypoint_s")
 
-    def __init__(
-        self, points: Sequence[Point], speeds: Sequence[float], limits: Limits, *, speed_now_mps: float = 0.0
-    ) -> None:
+    def __init__(self, points: Sequence[Point], speeds: Sequence[float], limits: Limits) -> None:
         self._limits = limits
         self.s = 0.0
-        self.v = max(speed_now_mps, 0.0)
+        self.v = 0.0
         self.a = 0.0
         self.piece = 0
         self._pieces: list[Piece] = []

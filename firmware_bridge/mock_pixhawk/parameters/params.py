@@ -179,7 +179,7 @@ class ParamTable:
         path = _HERE / "airframes" / f"{name}.params"
         if not path.is_file():
             known = ", ".join(airframes())
-            raise ConfigError([Problem("--airframe", f"no airframe {name!r}", f"there are: {known}")])
+            raise ConfigError.at("--airframe", f"no airframe {name!r}", f"there are: {known}")
         problems = []
         for number, words in _lines(path):
             refusal = self.set(words[0], float(words[1]))

@@ -29,7 +29,7 @@ from hil.apps.airsim.simulation import RIGS, TICK_NS, Simulation
 from hil.config import Bench, load_bench
 from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
-from signals.errors import ConfigError, HilError, RecordingError
+from signals.errors import ConfigError, HilError, file_errors
 from signals.stop_signals import stop_signals
 from signals.time import NS_PER_S
 from sim.scene.compile.placed_worlds import limit_mesh_cache
@@ -105,11 +105,9 @@ def serve_airsim(choice: Choice, console: Console) -> None:
             simulation.close()
         folder = results()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
-    try:
+    with file_errors(folder / "airsim.json"):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{folder / 'airsim.json'}: cannot be written ({error.strerror or error})") from error
     if report["refused"]:
         counts = ", ".join(f"{name} {count}" for name, count in report["refused"].items())
         console.print(f"calls that were refused: {counts}", markup=False)
@@ -149,10 +147,8 @@ def _page(choice: Choice, simulation: Simulation, results: Callable[[], Path]) -
 
     folder = results()
     with choice.page(folder.resolve().parent) as live:
-        try:
+        with file_errors(folder):
             save_bench(simulation.bench, folder)
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
         yield ServedPage(simulation, live, folder)
 
 

@@ -32,7 +32,7 @@ from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
 from hil.run.stepped.vehicle import FlyingVehicle, Pilot, SteppedVehicle
 from hil.run.stepped.world import Departure, SteppedWorld
-from signals.errors import ConfigError, LinkError, Problem
+from signals.errors import ConfigError, LinkError
 from signals.frames import ned_from_enu
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -68,7 +68,7 @@ class Simulation:
         self.log = log
         if self.flies and (wrong := unfit(self.model) or uneven(self.model)) is not None:
             message = f"{self.model.name} {wrong[1]}; AirSim has multirotors and cars, and its API flies no plane"
-            raise ConfigError([Problem("vehicle", message, "serve a multirotor, such as vehicle: x500")])
+            raise ConfigError.at("vehicle", message, "serve a multirotor, such as vehicle: x500")
         self.large_replies = LargeReplies(log)
         self._effects, self._seed = config.physics.effects, config.noise_seed
         x, y, z = config.start.p_W
@@ -300,8 +300,7 @@ class Simulation:
         if kind not in RIGS:
             return None
         if self._rigs is None:
-            hint = "use SimpleFlight"
-            raise ConfigError([Problem(f"Vehicles.{name}.VehicleType", f"{kind} cannot be flown here", hint)])
+            raise ConfigError.at(f"Vehicles.{name}.VehicleType", f"{kind} cannot be flown here", "use SimpleFlight")
         rig = self._rigs(RIGS[kind])
         return replace(rig, scene=self.scene.model_copy(update={"site": self._site}))
 

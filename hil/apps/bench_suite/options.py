@@ -13,7 +13,7 @@ def split_settings(settings: Sequence[str]) -> dict[str, str]:
     for text in settings:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise ConfigError([Problem("--set", f"must be KEY=VALUE, not {text!r}")])
+            raise ConfigError.at("--set", f"must be KEY=VALUE, not {text!r}")
         values[key.strip()] = value.strip()
     return values
 

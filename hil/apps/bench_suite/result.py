@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 ShowStatus = Callable[[str], None]  # displays the text, the current step of a benchmark
 _MAX_PANELS = 30
@@ -173,7 +173,5 @@ def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
 
 def save_figure(figure: Any, path: Path) -> None:
     """Write a matplotlib figure to a picture file. Raises RecordingError if that fails."""
-    try:
+    with file_errors(path, "the plot cannot be written"):
         figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error

@@ -16,7 +16,7 @@ from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, import_case, is_here
 from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 
 # Name -> (module, title of the plot); modules of `lab` are found in a checkout only. The module has a function
 # `measure(*, quick, status) -> BenchmarkResult`, which takes `options` too if `hil bench --set` applies to it, and
@@ -78,7 +78,7 @@ def run_benchmarks(
         raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
     if name == ALL:
         if json is not None or settings:
-            raise ConfigError([Problem("hil bench all", "takes neither --json nor --set", "name one benchmark")])
+            raise ConfigError.at("hil bench all", "takes neither --json nor --set", "name one benchmark")
         met = []
         for each in BENCHMARKS:
             console.rule(f"hil bench {each}", align="left")
@@ -88,10 +88,10 @@ def run_benchmarks(
                 met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
         return bool(met) and all(met)
     if without:
-        raise ConfigError([Problem("--without", "applies to 'hil bench all' alone")])
+        raise ConfigError.at("--without", "applies to 'hil bench all' alone")
     if not is_here(BENCHMARKS[name][0]):
         todo = f"run `make setup` in a checkout, then `.venv/bin/hil bench {name}` there"
-        raise ConfigError([Problem(f"hil bench {name}", NEEDS_CHECKOUT, todo)])
+        raise ConfigError.at(f"hil bench {name}", NEEDS_CHECKOUT, todo)
     return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
 
 
@@ -113,7 +113,7 @@ def _run(
     takes = signature(measure).parameters
     options: dict[str, Any] = {"options": split_settings(settings)} if settings else {}
     if options and "options" not in takes:
-        raise ConfigError([Problem("--set", f"does not apply to the benchmark {name!r}")])
+        raise ConfigError.at("--set", f"does not apply to the benchmark {name!r}")
     if errors_only and "errors_only" in takes:
         options["errors_only"] = True
     if json is not None:
@@ -124,10 +124,8 @@ def _run(
         result.keep_errors()
     _print(result, console)
     if json is not None:
-        try:
+        with file_errors(json):
             json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
-        except OSError as error:
-            raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
         plot = json.with_suffix(".png")
         further = draw(result, title, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
@@ -139,15 +137,13 @@ def _check_writable(file: Path) -> None:
 
     Raises RecordingError.
     """
-    try:
+    with file_errors(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         existed = file.exists()
         with file.open("a"):
             pass
         if not existed:
             file.unlink()
-    except OSError as error:
-        raise RecordingError(f"{file}: cannot be written ({error.strerror or error})") from error
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, file_errors
 from sim.radar.calibration import Calibration, Fitted, calibrate
 from sim.radar.preset_text import Hardware, hardware_of, preset_text, with_receivers
 from sim.radar.recording import Recording, load_recording
@@ -48,13 +48,13 @@ def calibrate_radar(
     preset_name = _name(name if name is not None else recording_file.stem, given=name is not None)
     preset = out if out is not None else Path(f"{preset_name}.yaml")
     if preset.suffix not in (".yaml", ".yml"):
-        raise ConfigError([Problem("--out", f"must name a YAML file, not {preset.name!r}")])
+        raise ConfigError.at("--out", f"must name a YAML file, not {preset.name!r}")
     recording = load_recording(recording_file)
     hardware = with_receivers(hardware_of(PRESET_DIR / f"{_CHIP}.yaml"), recording.rx_antennas)
     if hardware is None:
         numbers = ", ".join(str(a) for a in recording.rx_antennas)
         message = f"uses the receivers {numbers}, not all of which {_CHIP} has"
-        raise ConfigError([Problem(str(recording_file), message, "see rx_antennas in the recording's settings")])
+        raise ConfigError.at(str(recording_file), message, "see rx_antennas in the recording's settings")
     files = CalibratedFiles(preset, preset.with_suffix(".png"))
     with locked_folder(preset.parent):
         calibration = calibrate(recording, frames=frame_range, keep_echoes=keep_echoes, where=str(recording_file))
@@ -75,13 +75,11 @@ def _write(
     from hil.apps.calibrate.picture import draw_calibration  # imported late: matplotlib takes half a second
 
     text = preset_text(calibration, recording, hardware, part=preset_name, source=source)
-    try:
+    with file_errors(files.preset):
         temporary = files.preset.with_suffix(".tmp")
         temporary.write_text(text, encoding="utf-8")  # a full disk must not destroy an existing preset
         os.replace(temporary, files.preset)
         draw_calibration(calibration, recording, files.picture)
-    except OSError as error:
-        raise RecordingError(f"{files.preset}: cannot be written ({error.strerror or error})") from error
 
 
 def _frames(text: str | None) -> tuple[int, int] | None:
@@ -89,7 +87,7 @@ def _frames(text: str | None) -> tuple[int, int] | None:
         return None
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text.strip())
     if match is None:
-        raise ConfigError([Problem("--frames", f"must be FIRST:END, such as 0:64, not {text!r}")])
+        raise ConfigError.at("--frames", f"must be FIRST:END, such as 0:64, not {text!r}")
     return int(match[1]), int(match[2])
 
 
@@ -98,7 +96,7 @@ def _name(text: str, *, given: bool) -> str:
     if re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}", text):
         return text
     if given:
-        raise ConfigError([Problem("--name", f"must be letters, digits, '_', '.' or '-', not {text!r}")])
+        raise ConfigError.at("--name", f"must be letters, digits, '_', '.' or '-', not {text!r}")
     return re.sub(r"[^A-Za-z0-9_]+", "_", text)[:80].strip("_") or "radar"
 
 

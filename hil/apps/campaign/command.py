@@ -87,11 +87,11 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
         return 3 if print_plan(file, plan, workers, console) == "ERROR" else 0
     if len(plan) > MANY and not options.yes:
         text = f"has {len(plan):,} points; --dry-run estimates their time, --yes flies them"
-        raise ConfigError([Problem(file.document.source, text)])
+        raise ConfigError.at(file.document.source, text)
     out = options.out or Path("campaigns") / file.name
     if (out / STORE_NAME).is_file() and not options.resume:
         hint = "continue it with --resume, or name another folder with --out"
-        raise ConfigError([Problem(str(out), "holds a campaign", hint)])
+        raise ConfigError.at(str(out), "holds a campaign", hint)
     check_name(out, file.name)
     with closing(make_engine(options, file, workers, console)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
@@ -136,7 +136,7 @@ def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
             flown |= any(is_flown(vehicle) for vehicle in bench.each_vehicle.values())
             if bench.config.foxglove.port is not None and bench.config.foxglove.paused:
                 text = "is true: each flight would wait for a client"
-                raise ConfigError([Problem("foxglove.paused", text, "set it to false")])
+                raise ConfigError.at("foxglove.paused", text, "set it to false")
         except ConfigError as error:
             for problem in error.problems:
                 known = (problem.where, problem.message)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from hil.apps.campaign.cases.campaign_file import Stop
 from hil.apps.campaign.results.statistics import Tally
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 _FORMS = "failure, width=0.05, above=0.95, below=0.5, or a time such as 90s, 30m, 2h"
 _UNITS_S = {"s": 1.0, "m": 60.0, "h": 3600.0}
@@ -44,8 +44,8 @@ def parse_stop(texts: tuple[str, ...], base: Stop) -> Stop:
             else:
                 changes["time_s"] = float(text[:-1]) * _UNITS_S[text[-1:]]
         except (ValueError, KeyError):
-            raise ConfigError([Problem(f"--stop-after {text}", "is not understood", _FORMS)]) from None
+            raise ConfigError.at(f"--stop-after {text}", "is not understood", _FORMS) from None
     try:
         return Stop(**{**base.model_dump(), **changes})
     except ValueError:
-        raise ConfigError([Problem("--stop-after", "has a value out of range", _FORMS)]) from None
+        raise ConfigError.at("--stop-after", "has a value out of range", _FORMS) from None

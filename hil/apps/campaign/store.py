@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from hil.apps.campaign.flight import Outcome
 from hil.run.runs.result_database import Database
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 STORE_NAME = "campaign.sqlite"
 _VERSION = 2  # of the tables below
@@ -60,10 +60,8 @@ class Store:
     """The results in a folder. Use as a context manager. Every method raises RecordingError."""
 
     def __init__(self, folder: Path) -> None:
-        try:
+        with file_errors(folder, "cannot be made"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be made ({error.strerror or error})") from error
         self._db = Database(folder / STORE_NAME, _TABLES, version=_VERSION, shared=True)
 
     def __enter__(self) -> Self:

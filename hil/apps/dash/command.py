@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 if TYPE_CHECKING:
     from hil.run.feed.live_run import LiveRun
@@ -25,9 +25,7 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
     from hil.apps.dash.server.serve import address_of, new_token, open_port, serve
 
     if config is not None and not config.is_file():
-        raise ConfigError(
-            [Problem(str(config), "does not exist", "give the path of a bench file, or none for ./hil.yaml")]
-        )
+        raise ConfigError.at(str(config), "does not exist", "give the path of a bench file, or none for ./hil.yaml")
     token = new_token(host)
     listening = open_port(host, port, "--port")
     dashboard = Dashboard(config=config, runs=runs)
@@ -43,7 +41,7 @@ def live_on_fd(fd: int, *, paused: bool, pace: float | None) -> LiveRun:
     try:
         link = socket.socket(fileno=fd)
     except OSError as error:
-        raise ConfigError([Problem("--dash-fd", f"{fd} is not a socket ({error.strerror or error})")]) from error
+        raise ConfigError.at("--dash-fd", f"{fd} is not a socket ({error.strerror or error})") from error
     return LiveRun(link, paused=paused, pace=pace)
 
 

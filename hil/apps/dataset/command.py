@@ -16,7 +16,7 @@ from hil.cluster.join import uses_ray
 from hil.cluster.waiting import Say, said_on
 from hil.config.checks.course_notes import course_notes
 from hil.run.report.run_folder import new_run_dir
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 from signals.processors import usable_processors
 from signals.words import counted
 
@@ -40,9 +40,9 @@ def run_dataset(
     `plan_in` makes the plan; it may write files into the folder that it is given. `address` is that of a Ray cluster.
     """
     if options.resume and out is None:
-        raise ConfigError([Problem("--resume", "needs --out: the folder of the data set to continue")])
+        raise ConfigError.at("--resume", "needs --out: the folder of the data set to continue")
     if options.workers is not None and not 1 <= options.workers <= _MAX_WORKERS:
-        raise ConfigError([Problem("--workers", f"must be 1 to {_MAX_WORKERS}, not {options.workers}")])
+        raise ConfigError.at("--workers", f"must be 1 to {_MAX_WORKERS}, not {options.workers}")
     on_ray = uses_ray(engine, address)
     with ExitStack() as stack:
         plan = plan_in(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-dataset-"))))

@@ -48,7 +48,6 @@ from sim.sensors.radar_parameters import RadarParameters
 
 SPLIT_NAME = "split.csv"
 _COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
-_CHUNK_CHARACTERS = 1 << 20  # of a COCO file, held in memory before they are written
 _MIN_FRAMES_WITH_GUARDS = 30  # with fewer, there are no guard frames between the sets
 _TITLES = {name: channel.title for name, channel in CHANNELS.items()} | {
     "boxes": "colour with boxes",
@@ -178,21 +177,7 @@ def _coco_files(
         }
         pictures = (picture for picture in store.coco_pictures(batches) if picture.image_id in ids)
         parts = coco_parts(pictures, catalogue, description=description, licence=LICENCE)
-        yield tree.write_parts(f"{ANNOTATIONS}/instances_{short}.json", _chunks(parts))
-
-
-def _chunks(parts: Iterable[str]) -> Iterator[bytes]:
-    """Join small parts into chunks of about `_CHUNK_CHARACTERS`."""
-    chunk: list[str] = []
-    size = 0
-    for part in parts:
-        chunk.append(part)
-        size += len(part)
-        if size > _CHUNK_CHARACTERS:
-            yield "".join(chunk).encode()
-            chunk.clear()
-            size = 0
-    yield "".join(chunk).encode()
+        yield tree.write_texts(f"{ANNOTATIONS}/instances_{short}.json", parts)
 
 
 def _radar_previews(plan: DatasetPlan, tree: TreeWriter, records: Sequence[BatchRecord]) -> Iterator[Written]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from hil.apps.dataset.formats import kitti, nuscenes
@@ -16,14 +15,14 @@ from hil.apps.dataset.formats.labels import Catalogue
 from hil.apps.dataset.formats.nuscenes import AnnotatedFrame, Rig, Scene, Tables
 from hil.apps.dataset.formats.split import Split
 from hil.apps.dataset.plan import DatasetPlan
-from hil.apps.dataset.storage.tree import TreeWriter, Written, make_folder, unwritable
+from hil.apps.dataset.storage.tree import TreeWriter, Written, make_folder, writes
+from hil.run.report.channel_images import bgr_png
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.frame.mount import Mount
 
 Frames = Callable[[], Iterable[AnnotatedFrame]]
 
-_CHUNK_ROWS = 1000  # of a table, written at once
 _GAP_S = 2.0  # between flights there is a take-off; between frames of one, at most a period of the LiDAR
 
 
@@ -49,12 +48,10 @@ def object_files(
 
 def link(path: Path, target: str) -> None:
     """Make a link to a file or folder of the data set. Raises RecordingError."""
-    try:
+    with writes(path):
         if not path.is_symlink():
             make_folder(path.parent)
             os.symlink(target, path)
-    except OSError as error:
-        raise unwritable(path, error) from error
 
 
 def _kitti(plan: DatasetPlan, tree: TreeWriter, split: Split, frames: Frames) -> Iterator[Written]:
@@ -91,11 +88,9 @@ def _nuscenes(
         for frame in scene.frames:
             name = nuscenes.file_name(nuscenes.CAMERA, frame.t_ns, is_sample=frame.swept)
             link(tree.root / nuscenes.ROOT / name, f"../../../{_picture(plan, frame)}")
-    encoded, mask = cv2.imencode(".png", np.zeros((1, 1), np.uint8))
-    assert encoded
-    yield tree.write(f"{nuscenes.ROOT}/{nuscenes.MAP_NAME}", mask.tobytes())
+    yield tree.write(f"{nuscenes.ROOT}/{nuscenes.MAP_NAME}", bgr_png(np.zeros((1, 1), np.uint8)))
     for path, texts in Tables(scenes, catalogue, _rig(plan)).texts():
-        yield tree.write_parts(f"{nuscenes.ROOT}/{path}", _chunks(texts))
+        yield tree.write_texts(f"{nuscenes.ROOT}/{path}", texts)
 
 
 def _rig(plan: DatasetPlan) -> Rig:
@@ -116,13 +111,3 @@ def _rig(plan: DatasetPlan) -> Rig:
         location=plan.bench.scene.name,
         description=f"{plan.bench.scene.name}, seed {plan.config.seed}, simulated",
     )
-
-
-def _chunks(texts: Iterable[str]) -> Iterator[bytes]:
-    rows: list[str] = []
-    for text in texts:
-        rows.append(text)
-        if len(rows) >= _CHUNK_ROWS:
-            yield "".join(rows).encode()
-            rows.clear()
-    yield "".join(rows).encode()

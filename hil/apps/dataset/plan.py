@@ -189,7 +189,7 @@ def make_plan(
     # The default bench is found as missions are: by its path, in the working directory or beside the package.
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
-        raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
+        raise ConfigError.at("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))
     quality_setting = (f"quality={quality}",) if quality is not None else ()
     format_setting = _format_setting(formats)
     group = load_bench(path, seed=seed, settings=(*settings, *quality_setting, *format_setting), flown=False)
@@ -233,15 +233,15 @@ def _recorded(bench: Bench, vehicle: str | None) -> Bench:
         able = [name for name, other in bench.vehicles.items() if _frame_sensors(other)]
         hint = f"--vehicle NAME; with a camera, LiDAR or radar: {', '.join(able) or 'none'}"
         message = f"has several vehicles ({names}), and a data set is recorded by one"
-        raise ConfigError([Problem(_bench_name(bench), message, hint)])
+        raise ConfigError.at(_bench_name(bench), message, hint)
     if vehicle is None:
         return bench
     if not bench.vehicles:
         message = f"has no meaning: {_bench_name(bench)} has one vehicle, without a name"
-        raise ConfigError([Problem("--vehicle", message, "leave it out")])
+        raise ConfigError.at("--vehicle", message, "leave it out")
     if vehicle not in bench.vehicles:
         message = f"is unknown: {vehicle!r}; the vehicles are {names}"
-        raise ConfigError([Problem("--vehicle", message, nearest(vehicle, bench.vehicles))])
+        raise ConfigError.at("--vehicle", message, nearest(vehicle, bench.vehicles))
     return bench.vehicles[vehicle]
 
 
@@ -364,7 +364,7 @@ def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
             return flown
         trajectory = trajectory.model_copy(update={"height_m": trajectory.height_m + 1.0})
     message = f"finds no free way up to {highest_m:g} m: {note}"
-    raise ConfigError([Problem("dataset.trajectory.clear", message, "take another course or place, or clear: false")])
+    raise ConfigError.at("dataset.trajectory.clear", message, "take another course or place, or clear: false")
 
 
 def _on_course(bench: Bench, trajectory: Trajectory, path: Path) -> Bench:

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from hil.config.companion.clients import make_client_importable
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, file_errors
 from signals.words import counted
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class TrainingData:
         pictures = read_data_sets(self.data_sets, self.part)
         if self.part == "all" and not self.validation:
             hint = "give data sets for validation with --validation"
-            raise ConfigError([Problem("--part all", "leaves no pictures of these data sets for validation", hint)])
+            raise ConfigError.at("--part all", "leaves no pictures of these data sets for validation", hint)
 
         def of(given: Sequence[Path], part: str) -> Sequence[Picture]:
             return read_data_sets(given, "all") if given else read_data_sets(self.data_sets, part)
@@ -97,7 +97,7 @@ def train_detector(
         from hil.apps.detect.training.train import Training
     except ImportError as error:
         hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating work without it"
-        raise ConfigError([Problem("hil detect train", f"needs PyTorch ({error})", hint)]) from None
+        raise ConfigError.at("hil detect train", f"needs PyTorch ({error})", hint) from None
     from hil.apps.detect.picture_store import digest
 
     pictures, validation, test = data.read()
@@ -106,10 +106,10 @@ def train_detector(
         classes = () if weights is None else read_start_weights(weights).classes
         if not classes:
             hint = "give a model or a last.pt with --weights"
-            raise ConfigError([Problem("--keep-classes", "needs weights whose classes are known", hint)])
+            raise ConfigError.at("--keep-classes", "needs weights whose classes are known", hint)
     training = Training(pictures, validation, settings, out=out, classes=classes)
     if weights is None and settings.start_share:
-        raise ConfigError([Problem("--start-share", "needs weights to start from", "give them with --weights")])
+        raise ConfigError.at("--start-share", "needs weights to start from", "give them with --weights")
     if weights is not None:
         loaded, total = training.load_weights(weights)
         console.print(f"{loaded} of {total} tensors loaded from {weights}", markup=False)
@@ -204,7 +204,7 @@ def evaluate_detector(
     try:
         model = ModelFile.load(weights)
     except OptionError as error:
-        raise ConfigError([Problem("--weights", str(error))]) from None
+        raise ConfigError.at("--weights", str(error)) from None
     if threshold is not None:
         model = replace(model, score_threshold=threshold)
     pictures = data.read()
@@ -230,7 +230,7 @@ def _run_evaluation(
             task = progress.add_task("", total=len(pictures))
             return evaluate(detector, pictures, on_done=lambda n: progress.update(task, completed=n))
     except CompanionError as error:
-        raise ConfigError([Problem("detector", str(error))]) from None
+        raise ConfigError.at("detector", str(error)) from None
 
 
 def _print_table(result: Evaluation, console: Console, title: str) -> None:
@@ -252,7 +252,5 @@ def _print_table(result: Evaluation, console: Console, title: str) -> None:
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:
-    try:
+    with file_errors(path):
         path.write_text(json.dumps(data, indent=1) + "\n")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error

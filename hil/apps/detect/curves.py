@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 if TYPE_CHECKING:
     from hil.apps.detect.training.train import Epoch
@@ -17,18 +17,15 @@ HEADER = ("epoch", "loss_scores", "loss_boxes", "learning_rate", "mean_average_p
 
 def write_table(epochs: Sequence[Epoch], path: Path) -> None:
     """Write one CSV row per epoch, columns `HEADER`. Raises RecordingError."""
-    try:
-        with path.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(HEADER)
-            for e in epochs:
-                precisions = ("", "")
-                if e.evaluation is not None:
-                    precisions = (f"{e.evaluation.mean_average_precision:.4f}", _person_precision(e))
-                losses = (f"{e.loss_scores:.4f}", f"{e.loss_boxes:.4f}", f"{e.learning_rate:.6f}")
-                writer.writerow([e.number, *losses, *precisions])
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+    with file_errors(path), path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(HEADER)
+        for e in epochs:
+            precisions = ("", "")
+            if e.evaluation is not None:
+                precisions = (f"{e.evaluation.mean_average_precision:.4f}", _person_precision(e))
+            losses = (f"{e.loss_scores:.4f}", f"{e.loss_boxes:.4f}", f"{e.learning_rate:.6f}")
+            writer.writerow([e.number, *losses, *precisions])
 
 
 def _person_precision(e: Epoch) -> str:
@@ -55,7 +52,5 @@ def draw(epochs: Sequence[Epoch], path: Path) -> None:
     precision_axes.plot([n for n, _ in people], [v for _, v in people], "o-", label="person")
     precision_axes.set(xlabel="epoch", ylabel="average precision at IoU 0.5, validation", ylim=(0.0, 1.0))
     precision_axes.legend()
-    try:
+    with file_errors(path):
         figure.savefig(path, dpi=110)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error

@@ -26,7 +26,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from hil.data_set_files import MANIFEST
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError, file_errors
 from sim.frame.quality import QUALITIES as LEVELS
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import load_scene
@@ -90,7 +90,7 @@ class DataSetSeries:
         """Raises ConfigError for a quality that there is not."""
         if self.quality is not None and self.quality not in LEVELS:
             hint = nearest(self.quality, LEVELS)
-            raise ConfigError([Problem("--quality", f"there is no quality {self.quality!r}", hint)])
+            raise ConfigError.at("--quality", f"there is no quality {self.quality!r}", hint)
 
     def plans(self) -> list[DataSetPlan]:
         """Return one plan per data set, in order."""
@@ -138,10 +138,8 @@ def make_data_sets(
     """
     plans = series.plans()
     settings = [[*plan.settings(), *series.settings()] for plan in plans]  # names a wrong scene before a folder is made
-    try:
+    with file_errors(out, "cannot be made"):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot be made ({error.strerror or error})") from error
     columns = (TextColumn("data sets"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=quiet) as progress:
         task = progress.add_task("", total=len(plans))

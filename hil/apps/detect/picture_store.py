@@ -15,7 +15,7 @@ from hil_companion.detect.decode import Letterbox
 from numpy.typing import NDArray
 
 from hil.apps.detect.pictures import Picture
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 Rgb = NDArray[np.uint8]
 _CACHE_BYTES = 4 << 30
@@ -95,8 +95,8 @@ def read_rgb(picture: Picture) -> Rgb:
     """
     bgr = cv2.imread(str(picture.path), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ConfigError([Problem(str(picture.path), "cannot be read as a picture", "record the data set again")])
+        raise ConfigError.at(str(picture.path), "cannot be read as a picture", "record the data set again")
     if bgr.shape[:2] != (picture.height, picture.width):
         sizes = f"{bgr.shape[1]} x {bgr.shape[0]} pixels, its labels are of {picture.width} x {picture.height}"
-        raise ConfigError([Problem(str(picture.path), f"has {sizes}")])
+        raise ConfigError.at(str(picture.path), f"has {sizes}")
     return np.ascontiguousarray(bgr[:, :, ::-1])

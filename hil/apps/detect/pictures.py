@@ -53,7 +53,7 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
     there is no picture.
     """
     if part not in PARTS:
-        raise ConfigError([Problem(part, "is not a set of pictures", f"there are {', '.join(PARTS)}")])
+        raise ConfigError.at(part, "is not a set of pictures", f"there are {', '.join(PARTS)}")
     problems: list[Problem] = []
     pictures: list[Picture] = []
     for folder in folders:

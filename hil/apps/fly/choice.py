@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 if TYPE_CHECKING:
     from hil.config import Bench
@@ -35,7 +35,7 @@ class BenchChoice:
         if self.follow is not None:
             settings = (*self._followed(self.follow), *settings)
         elif self.flight is not None:
-            raise ConfigError([Problem("--flight", "chooses one of a log's flights", "name the log: --follow LOG")])
+            raise ConfigError.at("--flight", "chooses one of a log's flights", "name the log: --follow LOG")
         from hil.config import load_bench  # most of a command's memory: `fly` tells in run.json if there is none
 
         return load_bench(
@@ -50,6 +50,6 @@ class BenchChoice:
     def _followed(self, log: Path) -> tuple[str, ...]:
         """Return the settings with which a log is flown in place of the bench's mission."""
         if self.mission is not None:
-            raise ConfigError([Problem("--mission", "cannot go with --follow: one of them flies", "leave it out")])
+            raise ConfigError.at("--mission", "cannot go with --follow: one of them flies", "leave it out")
         flight = () if self.flight is None else (f"follow.flight={self.flight}",)
         return ("mission=null", f"follow.log={json.dumps(str(log), ensure_ascii=False)}", *flight)

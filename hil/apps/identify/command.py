@@ -25,7 +25,7 @@ from hil.run.report.run_folder import locked_folder
 from hil.run.report.run_json import run_json_text
 from hil.run.runs.progress import CountProgress
 from hil.run_files import MCAP_NAME
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 from sim.physics.vehicle import Vehicle, load_vehicle
 
 PROGRESS_STEPS = 1000
@@ -143,7 +143,7 @@ def excite(
         names, why = _missing(prepared.excitation)
         if not names:
             hint = "there is nothing left to fly for; hil identify without --excite fits them"
-            raise ConfigError([Problem("--excite", "the logs show every parameter within 10 %", hint)])
+            raise ConfigError.at("--excite", "the logs show every parameter within 10 %", hint)
     folder = options.out or Path(f"excite-{vehicle.name}")
     with locked_folder(folder):
         try:
@@ -158,7 +158,7 @@ def excite(
 def named_logs(logs: Sequence[Path] | None) -> Sequence[Path]:
     """Return the logs of a command line. Raises ConfigError if there is none."""
     if not logs:
-        raise ConfigError([Problem("LOG", "is missing", "name one or more flight logs, or write a mission: --excite")])
+        raise ConfigError.at("LOG", "is missing", "name one or more flight logs, or write a mission: --excite")
     return logs
 
 
@@ -169,7 +169,7 @@ def read_home(text: str) -> tuple[float, float]:
     except ValueError:
         latitude = longitude = math.nan
     if not (abs(latitude) <= 85.0 and abs(longitude) <= 180.0):
-        raise ConfigError([Problem("--home", f"must be LAT,LON in degrees, such as 47.397742,8.545594, not {text!r}")])
+        raise ConfigError.at("--home", f"must be LAT,LON in degrees, such as 47.397742,8.545594, not {text!r}")
     return latitude, longitude
 
 

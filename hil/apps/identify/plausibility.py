@@ -23,7 +23,7 @@ from hil.apps.identify.rates_of_change import at, attitude_at, attitude_rate, de
 from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.flight_logs.log_format import LogFile
 from hil.run.flight_logs.rotor_model import steady_speeds_radps, wrench
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 
@@ -103,7 +103,7 @@ def check_one_vehicle(flights: Sequence[FlightLog], vehicle: Vehicle) -> None:
             f"has {kinds[other.motors_kind]} of its motors from {other.start_s:.2f} s, and {flights[0].source} has "
             f"{kinds[flights[0].motors_kind]}"
         )
-        raise ConfigError([Problem(str(other.source), message, "fit each kind of log by itself")])
+        raise ConfigError.at(str(other.source), message, "fit each kind of log by itself")
     gains = [(gain_of(flight, vehicle), flight) for flight in flights]
     low, high = min(gains, key=lambda g: g[0]), max(gains, key=lambda g: g[0])
     if high[0] > _MIXED * low[0]:
@@ -111,7 +111,7 @@ def check_one_vehicle(flights: Sequence[FlightLog], vehicle: Vehicle) -> None:
             f"motors from {high[1].start_s:.2f} s lift {high[0] / low[0]:.2f} times as much as those of "
             f"{low[1].source} from {low[1].start_s:.2f} s for the same outputs: two vehicles are mixed"
         )
-        raise ConfigError([Problem(str(high[1].source), message, "give only logs of one vehicle and one payload")])
+        raise ConfigError.at(str(high[1].source), message, "give only logs of one vehicle and one payload")
 
 
 def _unit_of(ratio: float, units: Mapping[str, float]) -> str:

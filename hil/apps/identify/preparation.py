@@ -78,7 +78,7 @@ def refuse_other_vehicles(vehicle: Vehicle) -> None:
     """Raise ConfigError for a vehicle that the fit's model does not describe: a plane, or rotors that tilt."""
     wrong = unfit(vehicle) or uneven(vehicle)
     if wrong is not None:
-        raise ConfigError([Problem(f"vehicle {vehicle.name!r}", f"{wrong[0]} {wrong[1]}")])
+        raise ConfigError.at(f"vehicle {vehicle.name!r}", f"{wrong[0]} {wrong[1]}")
 
 
 def _files(problems: Sequence[Problem]) -> set[str]:
@@ -90,7 +90,7 @@ def _refuse_twice_named(paths: Sequence[Path]) -> None:
     for path in paths:
         resolved = path.resolve()
         if resolved in seen:
-            raise ConfigError([Problem(str(path), "is named twice; its flight would count twice")])
+            raise ConfigError.at(str(path), "is named twice; its flight would count twice")
         seen.add(resolved)
 
 

@@ -25,7 +25,7 @@ from hil.apps.radar.raw_codes import RawCodes
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
 from hil.run.report.run_folder import locked_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, file_errors
 from signals.time import NS_PER_S
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import Recording, save_recording
@@ -66,7 +66,7 @@ def process_radar(
     """
     if target.suffix == ".bin":
         if sensor is not None:
-            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
+            raise ConfigError.at("--sensor", f"{target} holds one radar without a name", "leave it out")
         source = open_capture(target, preset=preset, texts=settings)
     else:
         source = open_source(target, preset=preset, texts=settings, sensor=sensor)
@@ -75,16 +75,13 @@ def process_radar(
     folder = outputs.folder if outputs.folder is not None else _folder(target)
     dca1000 = outputs.dca1000
     capture = None if dca1000 is None else Dca1000File(dca1000, source.parameters, source.part)
-    try:
-        with locked_folder(folder), capture or nullcontext():
-            results, made_frames = _process(source, console, capture, quiet=quiet)
-            results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
-            files = results.write(folder, title=f"{_name(target)}: {source.description}")
-            if source.from_pictures and made_frames:
-                save_recording(folder / "raw.npz", _recording(source, made_frames))
-                files += [folder / "raw.npz", folder / "raw.json"]
-    except OSError as error:
-        raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
+    with file_errors(folder, "the results cannot be written"), locked_folder(folder), capture or nullcontext():
+        results, made_frames = _process(source, console, capture, quiet=quiet)
+        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
+        files = results.write(folder, title=f"{_name(target)}: {source.description}")
+        if source.from_pictures and made_frames:
+            save_recording(folder / "raw.npz", _recording(source, made_frames))
+            files += [folder / "raw.npz", folder / "raw.json"]
     if capture is not None:
         files += [capture.path, *capture.settings_files]
     return files
@@ -114,7 +111,7 @@ def _frames_in_span(source: Source, span: TimeSpan) -> Source:
             frames.append(frame)
     if not frames:
         hint = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
-        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", hint)])
+        raise ConfigError.at("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", hint)
     return replace(source, count=len(frames), frames=iter(frames))
 
 

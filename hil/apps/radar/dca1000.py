@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.time import NS_PER_S
 from sim.radar.dca1000 import frame_words, mmwave_json, setup_json
 from sim.sensors.radar_parameters import RadarParameters
@@ -25,9 +25,9 @@ class Dca1000File:
         """Raises ConfigError for a radar that a DCA1000 cannot capture."""
         if p.board is None:
             problem = "writes what a TI radar sends, and this radar has no `board` section with its ramp and lanes"
-            raise ConfigError([Problem("--dca1000", problem, "--preset awr1843boost, or another preset of a TI board")])
+            raise ConfigError.at("--dca1000", problem, "--preset awr1843boost, or another preset of a TI board")
         if path.suffix != ".bin":
-            raise ConfigError([Problem("--dca1000", f"{path} has no .bin at its end", f"{path.with_suffix('.bin')}")])
+            raise ConfigError.at("--dca1000", f"{path} has no .bin at its end", f"{path.with_suffix('.bin')}")
         self.path, self._p, self._board, self._part = path, p, p.board, part
         self._times_ns: list[int] = []
 

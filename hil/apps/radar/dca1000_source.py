@@ -33,19 +33,19 @@ _FOUR_LANES = ("1243", "1443", "2243")
 def open_capture(path: Path, *, preset: str | None, texts: Sequence[str]) -> Source:
     """Open a capture. Raises ConfigError; the frames raise RecordingError if the file changes while it is read."""
     if not path.is_file():
-        raise ConfigError([Problem(str(path), "does not exist", "give a file that a DCA1000 wrote")])
+        raise ConfigError.at(str(path), "does not exist", "give a file that a DCA1000 wrote")
     settings_file, device = _settings_file(path)
     digits = "".join(c for c in device if c.isdigit())[:4]
     known_lanes = None if not digits else 4 if digits in _FOUR_LANES else 2
     capture = capture_settings(_json(settings_file), str(settings_file), lanes=known_lanes)
     if digits and capture.lanes != known_lanes:
         message = f"has {capture.lanes} LVDS lanes, and a {device} has {known_lanes}"
-        raise ConfigError([Problem(str(settings_file), message, "are these the settings of this capture?")])
+        raise ConfigError.at(str(settings_file), message, "are these the settings of this capture?")
     part = preset or (device if device in PRESETS else _PRESET_OF_DIGITS.get(digits, ""))
     if not part:
         names = ", ".join(sorted(_PRESET_OF_DIGITS.values()))
         message = f"is of the device {device!r}, whose antenna is not known" if device else "does not name its device"
-        raise ConfigError([Problem(str(path), message, f"--preset NAME, such as {names}")])
+        raise ConfigError.at(str(path), message, f"--preset NAME, such as {names}")
     count = _frames_in(path, settings_file, capture)
     base = settings_of(None, preset=part, default_preset=part, texts=texts)
     sampled = base.chirp.model_copy(update={"sampling": capture.chirp.sampling})
@@ -78,22 +78,22 @@ def _settings_file(path: Path) -> tuple[Path, str]:
         if used.is_file():
             return used, device
         message = f"names the settings {used.name} for {path.name}, and there is no such file beside it"
-        raise ConfigError([Problem(str(setup), message, f"copy it to {folder}")])
+        raise ConfigError.at(str(setup), message, f"copy it to {folder}")
     own = path.with_suffix(_SETTINGS)
     found = [own] if own.is_file() else sorted(folder.glob(f"*{_SETTINGS}"))
     if len(found) == 1:
         return found[0], ""
     message = "has no settings beside it" if not found else f"may have any of {', '.join(f.name for f in found)}"
-    raise ConfigError([Problem(str(path), message, f"mmWave Studio's JSON of this capture as {own.name}")])
+    raise ConfigError.at(str(path), message, f"mmWave Studio's JSON of this capture as {own.name}")
 
 
 def _json(path: Path) -> Mapping[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError([Problem(str(path), f"is not JSON: {error}")]) from error
+        raise ConfigError.at(str(path), f"is not JSON: {error}") from error
     if not isinstance(content, dict):
-        raise ConfigError([Problem(str(path), f"expected an object, got a {type(content).__name__}")])
+        raise ConfigError.at(str(path), f"expected an object, got a {type(content).__name__}")
     return content
 
 
@@ -108,10 +108,10 @@ def _frames_in(path: Path, settings_file: Path, capture: CaptureSettings) -> int
         hint = f"a cut file, or not the settings of {settings_file.name}"
         if count:
             hint += f"; `truncate -s {count * one}` keeps the whole frames"
-        raise ConfigError([Problem(str(path), message, hint)])
+        raise ConfigError.at(str(path), message, hint)
     if capture.frames and count > capture.frames:
         message = f"has {count} frames of {frame}, and {settings_file.name} states {capture.frames}"
-        raise ConfigError([Problem(str(path), message, "are samples real or complex, and all receivers on?")])
+        raise ConfigError.at(str(path), message, "are samples real or complex, and all receivers on?")
     return count
 
 

@@ -169,8 +169,7 @@ class Results:
             figure = radar_pictures.waterfall_figure(
                 title, self.t_s, np.array(self.power_by_range), np.array(self.power_by_speed), self.tracks, self.chirp
             )
-            files.append(folder / "summary.png")
-            figures.save(figure, files[-1])
+            files.append(figures.save(figure, folder / "summary.png"))
             longest = self.spectra.longest()
             if longest is not None:
                 frames, power = rows_over_frames(longest)
@@ -182,14 +181,13 @@ class Results:
                     np.array(longest.speed_mps),
                     self.chirp,
                 )
-                files.append(folder / "micro_doppler.png")
-                figures.save(figure, files[-1])
+                files.append(figures.save(figure, folder / "micro_doppler.png"))
             for index, processed in self.plotted.items():
                 frame_title = f"frame {index}, {self.t_ns[index] / NS_PER_S:.2f} s"
                 channels = {name: getattr(processed, name) for name in ("range_doppler", "points", "tracks")}
-                files.append(folder / f"range_doppler_{index:05d}.png")
                 rgb = self.rgb.get(self.t_ns[index])
-                figures.save(radar_pictures.radar_figure(frame_title, channels, self.chirp, rgb), files[-1])
+                figure = radar_pictures.radar_figure(frame_title, channels, self.chirp, rgb)
+                files.append(figures.save(figure, folder / f"range_doppler_{index:05d}.png"))
         return files
 
 

@@ -92,26 +92,22 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
     """
     if target.suffix in _ARRAYS:
         if sensor is not None:
-            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
+            raise ConfigError.at("--sensor", f"{target} holds one radar without a name", "leave it out")
         return _open_arrays(target, preset, texts)
     path, vehicle = target / MCAP_NAME if target.is_dir() else target, ""
     if target.is_dir() and not path.is_file() and (target.parent / MCAP_NAME).is_file():
         path, vehicle = target.parent / MCAP_NAME, target.name  # one vehicle of a run with several
     if not path.is_file():
         message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
-        raise ConfigError(
-            [Problem(str(target), message, "give the folder of a run, its run.mcap, an .npz, .npy or .bin")]
-        )
+        raise ConfigError.at(str(target), message, "give the folder of a run, its run.mcap, an .npz, .npy or .bin")
     try:
         recording = Recording(path, vehicle)
         topics = _topics(recording)
     except RecordingError as error:
-        raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
+        raise ConfigError.at(str(path), str(error).removeprefix(f"{path}: ")) from error
     if vehicle not in (names := recording.vehicles or [""]):
         hint = f"hil radar {path.parent}/{names[0]}"
-        raise ConfigError(
-            [Problem(str(path), f"is of several vehicles ({', '.join(names)}): name the folder of one", hint)]
-        )
+        raise ConfigError.at(str(path), f"is of several vehicles ({', '.join(names)}): name the folder of one", hint)
     raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
     if raw:
         name = _selected_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
@@ -124,9 +120,9 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
 def _selected_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
     """Return the radar to use: the wanted one, or the only one. Raises ConfigError."""
     if wanted is not None and wanted not in names:
-        raise ConfigError([Problem("--sensor", f"{path} has no radar {wanted!r}", nearest(wanted, names))])
+        raise ConfigError.at("--sensor", f"{path} has no radar {wanted!r}", nearest(wanted, names))
     if wanted is None and len(names) > 1:
-        raise ConfigError([Problem(str(path), f"has the radars {', '.join(names)}", "say which: --sensor NAME")])
+        raise ConfigError.at(str(path), f"has the radars {', '.join(names)}", "say which: --sensor NAME")
     return wanted or names[0]
 
 
@@ -190,7 +186,7 @@ def _open_pictures(
         message = "holds no raw radar data and no pictures to make them of"
         if cameras:
             message, hint = "needs the bench.yaml of the run beside it", "give the run's folder"
-        raise ConfigError([Problem(str(path), message, hint)])
+        raise ConfigError.at(str(path), message, hint)
     bench = load_bench(bench_file)
     radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
     name, recorded = "radar", None
@@ -201,19 +197,19 @@ def _open_pictures(
     camera = parameters.frame or cameras[0]
     if camera not in cameras:
         problem = f"frame {camera!r}: that camera's {', '.join(_NEEDED)} were not recorded"
-        raise ConfigError([Problem(str(path), problem, nearest(camera, cameras))])
+        raise ConfigError.at(str(path), problem, nearest(camera, cameras))
     view = view_of(bench.config.sensors[camera])
     if parameters.bounces is not None:
         message = "pictures do not show paths with more than one bounce; record the radar's raw frames for them"
-        raise ConfigError([Problem(str(path), message, "or --set bounces=null")])
+        raise ConfigError.at(str(path), message, "or --set bounces=null")
     try:
         radar = RadarFrames(view, load_world(bench.scene), parameters, seed=bench.config.seed, name=name)
     except ValueError as error:
-        raise ConfigError([Problem("--set mask", str(error))]) from error
+        raise ConfigError.at("--set mask", str(error)) from error
     missing = [channel for channel in radar.channels if f"/{camera}/{channel}" not in topics]
     if missing:
-        raise ConfigError(
-            [Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record these channels")]
+        raise ConfigError.at(
+            str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record these channels"
         )
     frames = _frames_from_pictures(recording, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
     count = topics[f"/{camera}/range"][1]
@@ -316,14 +312,12 @@ def with_chirp(parameters: RadarParameters, chirp: Chirp, channels: int, where: 
         message = f"has {channels} receivers, but the radar's antenna.rx_positions_m has {expected}"
         if chirp.sampling == "complex":
             message = f"has {channels} channels, but the radar's receivers have {expected}, two each"
-        raise ConfigError([Problem(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")])
+        raise ConfigError.at(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")
     unfit = parameters.antenna.problems_with(chirp)
     if unfit:
         raise ConfigError([Problem(where, f"its frames do not suit the antenna: {problem}") for problem in unfit])
     problem = parameters.processing.problem_with(parameters.antenna.array.seen(chirp))
     if problem:
-        raise ConfigError(
-            [Problem(where, f"its frames do not suit processing.{problem}", "--set processing.KEY=VALUE")]
-        )
+        raise ConfigError.at(where, f"its frames do not suit processing.{problem}", "--set processing.KEY=VALUE")
     impairments = type(parameters.impairments)()
     return parameters.model_copy(update={"chirp": chirp, "impairments": impairments})

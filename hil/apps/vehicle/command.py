@@ -13,7 +13,7 @@ from rich.table import Table
 from hil.apps.vehicle.coefficients import QUANTITIES, Coefficients, FlightPoint, PanelAircraft
 from hil.apps.vehicle.lattice import INSTALL, LatticeAircraft, inviscid
 from hil.apps.vehicle.polars import Polars
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
 from sim.physics.forces.panels import Panels
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 
@@ -40,7 +40,7 @@ def vehicle_aero(
     panels = next((force for force in vehicle.forces if isinstance(force, Panels)), None)
     if panels is None:
         problem = "has no entry of `kind: panels` in its `forces`"
-        raise ConfigError([Problem(name_or_path, problem, "name an aircraft, such as trainer")])
+        raise ConfigError.at(name_or_path, problem, "name an aircraft, such as trainer")
     own = PanelAircraft(panels)
     at = FlightPoint(airspeed_mps)
     other = _lattice(panels, console, wanted=lattice)
@@ -71,8 +71,8 @@ def read_points(path: Path) -> dict[float, Coefficients]:
             values = {key: float(value) for key, value in row.items() if key in QUANTITIES and value}
             found[float(row["alpha_deg"])] = values
         except (KeyError, TypeError, ValueError) as error:
-            raise ConfigError(
-                [Problem(str(path), f"{row}: each row needs a number in alpha_deg and in its other columns")]
+            raise ConfigError.at(
+                str(path), f"{row}: each row needs a number in alpha_deg and in its other columns"
             ) from error
     return found
 

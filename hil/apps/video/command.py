@@ -17,7 +17,7 @@ from hil.run.film.film import ALONE, CHASE, Film
 from hil.run.film.movie import Movie
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.replay import run_files
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 
@@ -128,5 +128,5 @@ def _size(text: str | None) -> tuple[int, int]:
     least, most = _LIMITS
     if not (least <= width <= most and least <= height <= most and width % 4 == 0 and height % 2 == 0):
         message = f"must be WIDTHxHEIGHT, each from {least} to {most}, the width a multiple of 4, the height of 2"
-        raise ConfigError([Problem("--size", f"{text!r}: {message}", "such as 1280x720")])
+        raise ConfigError.at("--size", f"{text!r}: {message}", "such as 1280x720")
     return width, height

@@ -24,7 +24,7 @@ from hil.config.files import available, find, is_bare
 from hil.run.report.run_folder import run_folder
 from signals.classes import Classes
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, file_errors
 from signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
@@ -78,18 +78,15 @@ def view_scene(
     scene, world, frames = (load or partial(load_frames, appearance=None if variants else appearance))(name, seed)
     points = _points(scene, world, frames, position, direction)
     folder = out if out is not None else Path("runs") / f"view-{scene.name}"
-    try:
-        with run_folder(folder):
-            if variants:
-                from hil.apps.view.variants import draw_variants  # matplotlib
+    with file_errors(folder, "the pictures cannot be written"), run_folder(folder):
+        if variants:
+            from hil.apps.view.variants import draw_variants  # matplotlib
 
-                return draw_variants(folder, scene, appearance, variants, points[0], model)
-            try:
-                return _write_pictures(folder, scene, frames, points, model, rendering)
-            finally:
-                frames.close()
-    except OSError as error:
-        raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
+            return draw_variants(folder, scene, appearance, variants, points[0], model)
+        try:
+            return _write_pictures(folder, scene, frames, points, model, rendering)
+        finally:
+            frames.close()
 
 
 def load_frames(
@@ -102,7 +99,7 @@ def load_frames(
     path = find("scene", name, ())
     if path is None:
         hint = nearest(name, available("scene", ())) if is_bare("scene", name) else "check the path"
-        raise ConfigError([Problem("SCENE", f"is unknown: {name!r}", hint)])
+        raise ConfigError.at("SCENE", f"is unknown: {name!r}", hint)
     from hil.config.scenes import read_scene
     from sim.world_loader import load_world
 
@@ -120,16 +117,14 @@ def _points(
     if at is None and look is None:
         return scene.view or default_points(frames, extent_of(world))
     if at is None:
-        raise ConfigError([Problem("--look", "needs --at X,Y,Z too")])
+        raise ConfigError.at("--look", "needs --at X,Y,Z too")
     x, y, z = at
     if look is None:
         middle = extent_of(world).middle
         return (looking_at("here", (x, y, z), (middle[0], middle[1], 0.0)),)
     yaw, pitch = look
     if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
-        raise ConfigError(
-            [Problem("--look", f"must be a yaw within 360 and a pitch within 90 degrees, not {yaw:g},{pitch:g}")]
-        )
+        raise ConfigError.at("--look", f"must be a yaw within 360 and a pitch within 90 degrees, not {yaw:g},{pitch:g}")
     return (ViewPoint(name="here", at_m=(x, y, z), look_deg=(yaw, pitch)),)
 
 
@@ -161,17 +156,14 @@ def _write_pictures(
             renderer.render(mount.pose(pose_of(point)), pictures)
             rendered[point.name] = pictures
             files += _single_pictures(folder, point.name, pictures, frames.classes)
-            path = folder / f"{point.name}.png"
-            figures.save(frame_pictures.channels_figure(_title(scene, point), pictures, frames.classes), path)
-            files.append(path)
+            figure = frame_pictures.channels_figure(_title(scene, point), pictures, frames.classes)
+            files.append(figures.save(figure, folder / f"{point.name}.png"))
             radar, sample = _radar_frame(scene, frames, point)
             radar_samples.append(sample)
-            path = folder / f"{point.name}_radar.png"
-            figures.save(radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen), path)
-            files.append(path)
-        path = folder / f"{points[0].name}_spinning_radar.png"
-        figures.save(_revolution(scene, frames, points[0]), path)
-        files.append(path)
+            figure = radar_pictures.radar_figure(_title(scene, point), sample.channels, radar.seen)
+            files.append(figures.save(figure, folder / f"{point.name}_radar.png"))
+        figure = _revolution(scene, frames, points[0])
+        files.append(figures.save(figure, folder / f"{points[0].name}_spinning_radar.png"))
         cloud = _sweep(scene, frames, points[0])
 
         def radar_panel(panel: Any) -> None:
@@ -179,15 +171,13 @@ def _write_pictures(
             range_doppler = radar_samples[0].channels["range_doppler"]
             radar_pictures.draw_map(panel, range_doppler, radar.seen, name, plain_axes=True)
 
-        sheet = folder / SHEET_NAME
         figure = frame_pictures.sheet_figure(
             [(point, _title(scene, point), rendered[point.name]) for point in points],
             cloud,
             frames.classes,
             more=(radar_panel,),
         )
-        figures.save(figure, sheet)
-    return [sheet, *files]
+        return [figures.save(figure, folder / SHEET_NAME), *files]
 
 
 def _single_pictures(folder: Path, name: str, pictures: Pictures, classes: Classes) -> list[Path]:
@@ -251,8 +241,8 @@ def _size(text: str | None) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*", text)
     sides = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(1 <= side <= MAX_PIXELS_ACROSS for side in sides):
-        raise ConfigError(
-            [Problem("--size", f"must be WIDTHxHEIGHT, 1 to {MAX_PIXELS_ACROSS} pixels each, not {text!r}", "320x240")]
+        raise ConfigError.at(
+            "--size", f"must be WIDTHxHEIGHT, 1 to {MAX_PIXELS_ACROSS} pixels each, not {text!r}", "320x240"
         )
     return sides
 
@@ -265,6 +255,5 @@ def _numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | N
     except ValueError:
         values = ()
     if len(values) != count or not all(math.isfinite(v) and abs(v) <= 50_000.0 for v in values):
-        message = f"must be {count} numbers from -50000 to 50000 with commas between, not {text!r}"
-        raise ConfigError([Problem(option, message)])
+        raise ConfigError.at(option, f"must be {count} numbers from -50000 to 50000 with commas between, not {text!r}")
     return values

@@ -41,10 +41,8 @@ def draw_variants(
         pictures.append(picture)
         titles.append(f"seed {variant.randomize.seed}: {title}")
         files.append(path)
-    sheet = folder / SHEET_NAME
     with figures.style():
-        figures.save(_sheet(pictures, titles), sheet)
-    return [sheet, *files]
+        return [figures.save(_sheet(pictures, titles), folder / SHEET_NAME), *files]
 
 
 def _picture(

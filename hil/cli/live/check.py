@@ -5,7 +5,7 @@ from __future__ import annotations
 from hil.cli.console import console, exit_on_error
 from hil.cli.options import ConfigArgument, MissionOption, RigOption, SceneOption, SetOption
 from hil.cli.status import CONFIG_STATUS
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 
 def check(
@@ -24,7 +24,7 @@ def check(
         if config is not None and is_campaign_file(config):
             if rig or scene or mission or settings:
                 text = "is a campaign: --rig, --scene, --mission and --set belong to a bench"
-                raise ConfigError([Problem(str(config), text, "write them in its section settings")])
+                raise ConfigError.at(str(config), text, "write them in its section settings")
             from hil.apps.campaign.command import check_campaign
 
             summary = check_campaign(config)

@@ -8,7 +8,7 @@ from hil.config.missions.mission import Geopoint, Mission
 from hil.config.missions.plan_file import read_plan
 from hil.config.missions.waypoints_file import read_waypoints
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 __all__ = ["Geopoint", "Mission", "load_mission"]
 
@@ -24,5 +24,5 @@ def load_mission(path: Path, *, site: Geopoint | None = None) -> Mission:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         message = f"is not a known kind of mission file: {path.suffix or 'no suffix'}"
-        raise ConfigError([Problem(shown_path(path), message, "known: " + ", ".join(_READERS))])
+        raise ConfigError.at(shown_path(path), message, "known: " + ", ".join(_READERS))
     return reader(path, site=site)

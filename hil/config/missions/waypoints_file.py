@@ -45,11 +45,11 @@ def parse_waypoints(text: str, path: Path, *, site: Geopoint | None = None) -> M
     lines = text.splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")
     if not first:
-        raise ConfigError([Problem(source, "is empty")])
+        raise ConfigError.at(source, "is empty")
     header = lines.index(next(line for line in lines if line.strip()))
     if first.split() != ["QGC", "WPL", "110"]:
         message = f'must begin with "QGC WPL 110", not {first[:40]!r}'
-        raise ConfigError([Problem(f"{source}:{header + 1}", message)])
+        raise ConfigError.at(f"{source}:{header + 1}", message)
     problems: list[Problem] = []
     items: list[RawItem] = []
     indices: list[int] = []

@@ -17,7 +17,7 @@ from hil.gym.options import FUNCTION, FlightOptions
 from hil.gym.tasks.task import Ends, Rewards, Step, Task, seed_of
 from hil.gym.tasks.transition import Transition
 from hil.run.sensors.frame_stages import available_ports
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 Function = Callable[[Transition], Any]
 
@@ -110,8 +110,8 @@ def function(entry: str | Function | None, name: str, option: str) -> Function |
         found = getattr(import_module(module), attribute)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         hint = 'write "module:function", with the module on the path of Python'
-        raise ConfigError([Problem(name, f"{option} {entry!r} cannot be imported: {error}", hint)]) from None
+        raise ConfigError.at(name, f"{option} {entry!r} cannot be imported: {error}", hint) from None
     if not callable(found):
-        raise ConfigError([Problem(name, f"{option} {entry!r} must be a function, not {found!r}")])
+        raise ConfigError.at(name, f"{option} {entry!r} must be a function, not {found!r}")
     result: Function = found
     return result

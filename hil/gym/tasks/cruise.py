@@ -30,7 +30,7 @@ from hil.gym.options import FlightOptions
 from hil.gym.tasks.target_task import random_vector
 from hil.gym.tasks.task import Ends, Rewards, Step, Task, seed_of
 from signals._kernel import det_cos, det_sin, rotate_into_body
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.noise import NoiseStream
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
@@ -74,7 +74,7 @@ class CruiseTask(Task):
         bench = flights[0].bench
         if not is_plane(bench.vehicle):
             message = f"vehicle: {bench.vehicle.name!r} is no plane, and this task flies one"
-            raise ConfigError([Problem(name, message, 'settings=["vehicle=skywalker_x8"]')])
+            raise ConfigError.at(name, message, 'settings=["vehicle=skywalker_x8"]')
         self.flights, self._o = list(flights), options
         count, vehicle = len(self.flights), bench.vehicle
         airframe = Airframe(vehicle, bench.scene.site)

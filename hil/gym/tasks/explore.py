@@ -28,7 +28,8 @@ from hil.gym.options import ActionKind, FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude
 from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
 from hil.run.sensors.frame_stages import available_ports
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
+from signals.rotation import minus, norm
 from signals.samples import PointCloudSample, Vec3
 from sim.scene.solids import solid_tree
 from sim.world_loader import load_world
@@ -77,7 +78,7 @@ class ExploreTask(TargetTask):
         port = available_ports(bench.config).get(options.port)
         if port is not None and port.type is not PointCloudSample and not options.port.endswith(_PICTURES):
             hint = "take a LiDAR, or the channel depth or range of a camera"
-            raise ConfigError([Problem("port", f"{options.port!r} shows no obstacles", hint)])
+            raise ConfigError.at("port", f"{options.port!r} shows no obstacles", hint)
         return (options.port,)
 
     def __init__(self, flights: Sequence[Flight], options: ExploreOptions, name: str) -> None:
@@ -105,7 +106,7 @@ class ExploreTask(TargetTask):
         flight.vehicle.place(start, random_attitude(random, 0.0), rotor_speed_radps=hover_speeds(flight))
         self.target_W[row, 0] = goal
         self._floor_z[row] = z
-        self._left_m[row] = _distance(start, goal)
+        self._left_m[row] = norm(minus(goal, start))
         flight.begin(seed_of(random), start)
 
     def _ends(self, row: int, centre: Vec3, random: np.random.Generator) -> tuple[Vec3, Vec3]:
@@ -115,7 +116,7 @@ class ExploreTask(TargetTask):
         for _ in range(_TRIES):
             ax, ay, bx, by = random.uniform(-o.area_m, o.area_m, 4).tolist()
             a, b = (centre[0] + ax, centre[1] + ay, centre[2]), (centre[0] + bx, centre[1] + by, centre[2])
-            if least <= _distance(a, b) <= most and min(solids.distance(a), solids.distance(b)) >= o.clearance_m:
+            if least <= norm(minus(b, a)) <= most and min(solids.distance(a), solids.distance(b)) >= o.clearance_m:
                 return a, b
         raise HilError(
             f"{self.name}: no start and goal with {o.clearance_m:g} m around them and {least:g} to {most:g} m apart "
@@ -160,8 +161,3 @@ class ExploreTask(TargetTask):
 
     def info(self) -> dict[str, NDArray[Any]]:
         return {"is_success": self.distance_m < self._o.reach_m, "distance_m": self.distance_m}
-
-
-def _distance(a: Vec3, b: Vec3) -> float:
-    dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    return float(np.sqrt(dx * dx + dy * dy + dz * dz))

@@ -19,7 +19,7 @@ from hil.gym.actions import RigDriver
 from hil.gym.flight import Flight
 from hil.gym.tasks.task import Task
 from signals._kernel import det_cos, det_sin
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.noise import NoiseStream
 from signals.samples import Quat, Vec3
 from sim._kernels import observe_flights
@@ -36,7 +36,7 @@ class TargetTask(Task):
         """`targets`: number in the observation; `range_m`: the distance that is 1; `more`: further features."""
         if isinstance(flights[0].driver, RigDriver):
             message = "begins in the air, and an autopilot boots on the ground"
-            raise ConfigError([Problem(name, message, "use controller rig with hil/Bench-v0")])
+            raise ConfigError.at(name, message, "use controller rig with hil/Bench-v0")
         self.name = name
         self.flights = list(flights)
         count, rotors = len(self.flights), len(self.flights[0].bench.vehicle.rotors)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from firmware_bridge.links.child_process import ChildProcess
 from hil.config.companion.clients import CLIENT_PATH, client_name
-from signals.errors import LinkClosed, RecordingError
+from signals.errors import LinkClosed, file_errors
 
 OUT_VARIABLE = "HIL_COMPANION_OUT"
 END_S = 3.0  # wall clock in which clients may end by themselves after the session
@@ -37,10 +37,8 @@ class StartedClient:
         folder = out.resolve() / f"companion_{self.name}"  # the client makes it when it writes a file
         env = {"PYTHONPATH": path, OUT_VARIABLE: str(folder)}
         self._process = ChildProcess(argv, stderr_path=log, env=env, log_output=True, own_group=True)
-        try:
+        with file_errors(log):
             self._process.start()
-        except OSError as error:
-            raise RecordingError(f"{log}: cannot be written ({error.strerror or error})") from error
 
     def check(self) -> None:
         """Raise LinkClosed if the process has ended, with a description of its end."""

@@ -27,7 +27,7 @@ from firmware_bridge.companion.frames import CompanionFrame, Reply
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.run.companion.files import COLUMNS
 from hil.run_files import TIMING_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.latency import LatencyHistogram
 
 _MAX_UNANSWERED = 1024  # frames; a frame answered after this many others has no timings
@@ -74,10 +74,8 @@ class TimingLog:
         self._begun_ns = begun_ns
         self._tick_begins: OrderedDict[int, int] = OrderedDict()  # by frame
         self.clients: dict[str, ClientTiming] = {}
-        try:
+        with file_errors(self._path):
             self._file: TextIO = self._path.open("w", encoding="utf-8", newline="")
-        except OSError as error:
-            raise self._unwritable(error) from error
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._row(COLUMNS)
 
@@ -133,10 +131,8 @@ class TimingLog:
         for timing in self.clients.values():
             for number in list(timing.pending):
                 self._finish(timing, number, None)
-        try:
+        with file_errors(self._path):
             self._file.close()
-        except OSError as error:
-            raise self._unwritable(error) from error
 
     def _finish(self, timing: ClientTiming, frame: int, commanded_ns: int | None) -> None:
         """Write the row of an answer."""
@@ -162,13 +158,8 @@ class TimingLog:
         self._row((*row, reply.t2_ns, reply_ns, command_ns, t3_ns, offset_ns))
 
     def _row(self, values: Sequence[Any]) -> None:
-        try:
+        with file_errors(self._path):
             self._rows.writerow(values)
-        except OSError as error:
-            raise self._unwritable(error) from error
-
-    def _unwritable(self, error: OSError) -> RecordingError:
-        return RecordingError(f"{self._path}: cannot be written ({error.strerror or error})")
 
 
 class TimedPilot:

@@ -24,7 +24,7 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from hil.run.companion.answers import Answer, Client
 from signals.detections import Detections
-from signals.errors import LockstepLost, RecordingError
+from signals.errors import LockstepLost, RecordingError, file_errors
 
 _FORMAT = 1
 _INVALID = (ValueError, KeyError, TypeError, IndexError, RecursionError, CodecError)
@@ -35,10 +35,8 @@ class TraceWriter:
 
     def __init__(self, path: Path, clients: Sequence[Client], topics: Sequence[str]) -> None:
         self._path = path
-        try:
+        with file_errors(path):
             self._file: TextIO = path.open("w", encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
         self._line({"format": _FORMAT, "clients": [_client_map(c) for c in clients], "topics": sorted(topics)})
 
     def answer(self, client: str, answer: Answer) -> None:
@@ -82,11 +80,9 @@ class TraceWriter:
         self._file.close()
 
     def _line(self, values: dict[str, Any]) -> None:
-        try:
+        with file_errors(self._path):
             self._file.write(json.dumps(values) + "\n")
             self._file.flush()
-        except OSError as error:
-            raise RecordingError(f"{self._path}: cannot be written ({error.strerror or error})") from error
 
 
 class TracedAnswers:

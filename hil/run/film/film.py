@@ -22,7 +22,8 @@ from hil.config import Bench
 from hil.run.film.chase_camera import ChaseCamera
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
+from signals.rotation import applied_back, minus
 from signals.samples import TruthState, Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
@@ -59,7 +60,7 @@ class Film:
         self.vehicle = vehicle or next(iter(names))
         if self.vehicle not in names:
             hint = nearest(self.vehicle, names)
-            raise ConfigError([Problem("vehicle", f"{self.vehicle!r} is not a vehicle of the bench", hint)])
+            raise ConfigError.at("vehicle", f"{self.vehicle!r} is not a vehicle of the bench", hint)
         own = names[self.vehicle]
         camera = _camera_of(own, view)
         world = bench.world if bench.vehicles else with_vehicles(load_world(bench.scene), {ALONE: bench.vehicle})
@@ -152,9 +153,7 @@ class Film:
 
     def _seen(self, pose: CameraPose, p_W: Vec3) -> tuple[tuple[int, int], float] | None:
         """Return the pixel of a place and its depth; None behind the camera or far out of the picture."""
-        R = pose.R_WC
-        d = [a - b for a, b in zip(p_W, pose.p_WC, strict=True)]
-        x, y, z = (R[i] * d[0] + R[3 + i] * d[1] + R[6 + i] * d[2] for i in range(3))
+        x, y, z = applied_back(pose.R_WC, minus(p_W, pose.p_WC))
         if z < _PLANES_M[0]:
             return None
         u, v = self._model.cx + self._model.fx * x / z, self._model.cy + self._model.fy * y / z
@@ -191,7 +190,7 @@ def _camera_of(bench: Bench, view: str) -> str:
         return view
     known = ", ".join([CHASE, *([SPLIT] if cameras else []), *cameras])
     text = "shows a camera, and the bench has none" if view == SPLIT else f"{view!r} is not a camera of the bench"
-    raise ConfigError([Problem("view", text, f"choose one of {known}")])
+    raise ConfigError.at("view", text, f"choose one of {known}")
 
 
 def _fitted(picture: Picture, size: tuple[int, int]) -> Picture:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 
 class Movie:
@@ -17,11 +17,9 @@ class Movie:
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: float) -> None:
         """`size`: width and height [px], both even. Raises RecordingError if the file cannot be written."""
         self.path, self.size, self.count = path, size, 0
-        try:
+        with file_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
         self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), rate_hz, size)
         if not self._writer.isOpened():
             raise RecordingError(f"{path}: OpenCV cannot write a film of {size[0]} x {size[1]} pixels there")

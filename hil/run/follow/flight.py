@@ -30,7 +30,7 @@ from hil.run.flight_logs.log_format import LogFile, read_log
 from hil.run.flight_logs.rotor_model import steady_speeds_radps, wrench
 from hil.run.follow.course import Course, course_of, measured_velocity
 from hil.run_files import MCAP_NAME
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.rotation import yaw_of
 from signals.samples import Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
@@ -270,12 +270,8 @@ def refuse_obstacle(flight: FollowedFlight, at: int, what: str) -> ConfigError:
     x, y, z = flight.course.p_W[at]
     t_s = flight.begin_s + float(flight.course.t_s[at])
     topic = flight.course.topic or "position"
-    return ConfigError(
-        [
-            Problem(
-                f"{flight.log.source}: {topic}",
-                f"leads {what} at {t_s:.2f} s, at ({x:.1f}, {y:.1f}, {z:.1f}) m in the scene",
-                "start elsewhere (start.p_W), or choose a scene with room for it (--scene airfield)",
-            )
-        ]
+    return ConfigError.at(
+        f"{flight.log.source}: {topic}",
+        f"leads {what} at {t_s:.2f} s, at ({x:.1f}, {y:.1f}, {z:.1f}) m in the scene",
+        "start elsewhere (start.p_W), or choose a scene with room for it (--scene airfield)",
     )

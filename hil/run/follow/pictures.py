@@ -51,9 +51,7 @@ def follow_pictures(out: Path, compared: Compared) -> list[tuple[str, Path]]:
         ("follow_motion", "Real and simulated flight: attitude, rates and motors", motion_figure(compared)),
         ("follow_difference", "Simulated less real flight", difference_figure(compared)),
     ):
-        path = out / f"{name}.png"
-        save(figure, path)
-        drawn.append((caption, path))
+        drawn.append((caption, save(figure, out / f"{name}.png")))
     return drawn
 
 

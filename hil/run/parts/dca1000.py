@@ -29,7 +29,7 @@ from firmware_bridge.transports.udp import UdpInbox
 from hil.config import Bench
 from hil.run.part import Part, RunContext
 from signals.documents.validate import Section
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.samples import RadarSample, Sample, TruthState
 from sim.radar.dca1000 import frame_words
 from sim.sensors.radar_parameters import RadarParameters
@@ -126,10 +126,10 @@ def make(bench: Bench, settings: Settings) -> Part:
     if not isinstance(p, RadarParameters):
         radars = [name for name, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)]
         hint = f"one of {', '.join(radars)}" if radars else "add a radar, such as {preset: awr1843boost, rate_hz: 10}"
-        raise ConfigError([Problem(place, f"names no radar of this bench: {settings.sensor!r}", hint)])
+        raise ConfigError.at(place, f"names no radar of this bench: {settings.sensor!r}", hint)
     if p.board is None:
         problem = f"{settings.sensor!r} has no `board` section with its ramp and lanes"
-        raise ConfigError([Problem(place, problem, "use a preset of a TI board, such as awr1843boost")])
+        raise ConfigError.at(place, problem, "use a preset of a TI board, such as awr1843boost")
     if "raw" not in p.outputs:
-        raise ConfigError([Problem(place, f"{settings.sensor!r} has no output `raw`", "add it to its outputs")])
+        raise ConfigError.at(place, f"{settings.sensor!r} has no output `raw`", "add it to its outputs")
     return Dca1000Part(settings, p)

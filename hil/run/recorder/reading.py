@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from hil.run.recorder.mcap.cdr import decode
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 # Raised by the libraries for damaged bytes.
 DAMAGE_ERRORS = (
@@ -65,11 +65,8 @@ class Recording:
         self.attachments: dict[str, bytes] = {}
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}
-        try:
-            with open(path, "rb") as file:
-                magic = file.read(len(MCAP0_MAGIC))
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
+        with file_errors(path, "cannot be read"), open(path, "rb") as file:
+            magic = file.read(len(MCAP0_MAGIC))
         if magic != MCAP0_MAGIC:
             raise RecordingError(f"{path}: not an MCAP recording")
 

@@ -58,7 +58,12 @@ def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[
 
 def rgb_png(rgb: NDArray[np.uint8]) -> bytes:
     """Return a colour picture, (height, width, 3) uint8, as a PNG file."""
-    encoded, data = cv2.imencode(".png", np.ascontiguousarray(rgb[:, :, ::-1]))
+    return bgr_png(rgb[:, :, ::-1])
+
+
+def bgr_png(bgr: NDArray[Any]) -> bytes:
+    """Return a picture as OpenCV has it, uint8, colours blue first, as a PNG file."""
+    encoded, data = cv2.imencode(".png", np.ascontiguousarray(bgr))
     assert encoded
     return data.tobytes()
 

@@ -273,14 +273,15 @@ def _set_logarithmic(axes: Axes, subs: tuple[float, ...] = (1.0,)) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write the figure to `path` as a PNG file."""
+def save(figure: Figure, path: Path) -> Path:
+    """Write the figure to `path` as a PNG file, and return the path."""
     layout = figure.get_layout_engine()
     if layout is not None:  # done here, because matplotlib would draw everything twice for it
         figure.dpi = _DPI
         layout.execute(figure)
         figure.set_layout_engine(None)
     figure.savefig(path, dpi=_DPI)
+    return path
 
 
 def style() -> Any:

@@ -26,8 +26,7 @@ def gnss_pictures(out: Path, courses: Mapping[str, Any]) -> list[tuple[str, Path
     pictures = []
     with figures.style():
         for name, course in courses.items():
-            path = out / f"sky_{name}.png"
-            figures.save(_figure(name, course), path)
+            path = figures.save(_figure(name, course), out / f"sky_{name}.png")
             pictures.append((f"Satellites of {name}", path))
     return pictures
 

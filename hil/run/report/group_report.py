@@ -18,7 +18,7 @@ from hil.run.recorder.track import TrackArrays
 from hil.run.report.html import text
 from hil.run.report.page import Report, write_page
 from hil.run_files import PAGE_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 PICTURE_NAME = "vehicles.png"
 _MAX_NAMED = 12  # vehicles with a name in the picture's legend
@@ -29,14 +29,12 @@ def write_group_report(out: Path, run: Mapping[str, Any], tracks: Mapping[str, T
     """Write report.html and its picture. `run` is the content of run.json. Raises RecordingError."""
     from hil.run.report import figures
 
-    try:
+    with file_errors(out, "the report cannot be written"):
         with figures.style():
             picture = _draw(out / PICTURE_NAME, {name: track for name, track in tracks.items() if len(track.t_s)})
         caption = "paths of all vehicles, their heights, and the distances between them"
         report = Report([(caption, picture)], [("Vehicles", _vehicles_table(run["vehicles"]))])
         write_page(out, run, [], report, f"{len(run['vehicles'])} vehicles in {run['scene']}, seed {run['seed']}")
-    except OSError as error:
-        raise RecordingError(f"{out}: the report cannot be written ({error.strerror or error})") from error
 
 
 def _vehicles_table(vehicles: Mapping[str, Any]) -> str:

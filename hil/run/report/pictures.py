@@ -27,9 +27,8 @@ def flight_pictures(out: Path, track: TrackArrays, plan: Sequence[PlanPoint], ti
     """Draw the flown path, attitude and motors; nothing for an empty track. `plan`: its points in flying order."""
     if not len(track.t_s):
         return []
-    flight, motion = out / FLIGHT_NAME, out / "motion.png"
-    figures.save(figures.flight_figure(track, plan, title), flight)
-    figures.save(figures.motion_figure(track), motion)
+    flight = figures.save(figures.flight_figure(track, plan, title), out / FLIGHT_NAME)
+    motion = figures.save(figures.motion_figure(track), out / "motion.png")
     return [
         ("Flown path against plan, altitude, attitude and motor commands", flight),
         ("Speed and rotor speeds", motion),
@@ -40,8 +39,7 @@ def plane_pictures(out: Path, track: PlaneTrackArrays, surface_names: Sequence[s
     """Draw a plane's airspeed, energy, angles of the flow and surfaces; nothing for an empty track."""
     if not len(track.t_s):
         return []
-    path = out / "plane.png"
-    figures.save(plane_figures.plane_figure(track, surface_names), path)
+    path = figures.save(plane_figures.plane_figure(track, surface_names), out / "plane.png")
     return [("Airspeed, energy, angle of attack and surfaces", path)]
 
 
@@ -49,8 +47,7 @@ def timing_pictures(out: Path, rtt_bins_ns: Bins, phase_us: Mapping[str, float])
     """Draw round trips to the autopilot, and mean wall time of each phase of a tick [us]."""
     if not rtt_bins_ns and not phase_us:
         return []
-    path = out / "timing.png"
-    figures.save(figures.timing_figure(rtt_bins_ns, phase_us), path)
+    path = figures.save(figures.timing_figure(rtt_bins_ns, phase_us), out / "timing.png")
     return [("Round trips and wall time by phase", path)]
 
 
@@ -58,8 +55,8 @@ def punctuality_pictures(out: Path, lateness_bins_ns: Bins, age_bins_ns: Bins) -
     """Draw how late samples were sent to a free-running autopilot, and how old its motor commands were."""
     if not lateness_bins_ns:
         return []
-    path = out / "realtime.png"
-    figures.save(figures.realtime_figure(lateness_bins_ns, age_bins_ns, _HARMFUL_MS), path)
+    figure = figures.realtime_figure(lateness_bins_ns, age_bins_ns, _HARMFUL_MS)
+    path = figures.save(figure, out / "realtime.png")
     return [("Punctuality of samples and motor commands", path)]
 
 
@@ -67,8 +64,7 @@ def companion_pictures(out: Path, timing: Mapping[str, FrameTimes]) -> list[Pict
     """Draw the times of every frame, by client."""
     if not timing:
         return []
-    path = out / "companion.png"
-    figures.save(figures.companion_figure(timing), path)
+    path = figures.save(figures.companion_figure(timing), out / "companion.png")
     return [("Times of every frame to the companions and back", path)]
 
 
@@ -78,12 +74,10 @@ def frames_pictures(
     """Draw one frame of each camera, LiDAR and radar as `frame_NAME.png`. `chirps`: by radar."""
     pictures: list[Picture] = []
     for name, sample in frames.items():
-        path = out / f"frame_{name}.png"
         if isinstance(sample, RadarSample):
-            title = frame_pictures.frame_title(name, sample)
-            figures.save(radar_pictures.radar_figure(title, sample.channels, chirps[name]), path)
-            pictures.append((f"Frame of {name} with the most points or tracks", path))
+            title, caption = frame_pictures.frame_title(name, sample), "with the most points or tracks"
+            figure = radar_pictures.radar_figure(title, sample.channels, chirps[name])
         else:
-            figures.save(frame_pictures.frame_figure(name, sample, classes), path)
-            pictures.append((f"Frame of {name} in mid-flight", path))
+            figure, caption = frame_pictures.frame_figure(name, sample, classes), "in mid-flight"
+        pictures.append((f"Frame of {name} {caption}", figures.save(figure, out / f"frame_{name}.png")))
     return pictures

@@ -30,7 +30,7 @@ from hil.run_files import (
     VIEWS_NAME,
 )
 from signals._kernel import guard_file
-from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
+from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError, file_errors
 from signals.shortage import CRASHED, OUT_OF_MEMORY
 
 # Files and folders that a run writes. A link in their place is removed first: writing would change what it points to.
@@ -53,11 +53,9 @@ def locked_folder(out: Path) -> Iterator[None]:
 
     Raises RecordingError if the folder cannot be used or another process writes into it.
     """
-    try:
+    with file_errors(out, "cannot be used as a folder for results"):
         out.mkdir(parents=True, exist_ok=True)
         folder = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot be used as a folder for results ({error.strerror or error})") from error
     try:
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -188,16 +186,13 @@ def _make_folder(rig: str, runs: Path) -> Path:
     """Make a folder in `runs`, named by time and rig. Raises RecordingError."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", Path(rig).stem) or "run"
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name[:80]}"
-    try:
+    with file_errors(runs, "the folder of the run cannot be created", hint="; name another with --out"):
         runs.mkdir(parents=True, exist_ok=True)
         for n in count():
             folder = runs / (f"{stem}-{n}" if n else stem)
             with contextlib.suppress(FileExistsError):
                 folder.mkdir()
                 break
-    except OSError as error:
-        text = f"the folder of the run cannot be created ({error.strerror or error}); name another with --out"
-        raise RecordingError(f"{runs}: {text}") from error
     return folder
 
 

@@ -38,8 +38,8 @@ def vibration_pictures(
     pictures = []
     for name, values in samples.items():
         hz, power = density(values, rates_hz[name])
-        path = out / f"vibration_{name}.png"
         root = np.sqrt(power)
-        figures.save(figures.spectrum_figure(hz[1:], root[1:, :3], root[1:, 3:], name), path)
+        figure = figures.spectrum_figure(hz[1:], root[1:, :3], root[1:, 3:], name)
+        path = figures.save(figure, out / f"vibration_{name}.png")
         pictures.append((f"Spectrum of the samples of {name} over the whole flight", path))
     return pictures

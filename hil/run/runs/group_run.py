@@ -29,7 +29,7 @@ from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
 from hil.run_files import MCAP_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from sim.frame.source import SharedFrames
@@ -97,10 +97,8 @@ class GroupRun:
     def _open_recording(self) -> None:
         """Save the bench, open the recording, and make the runs of the vehicles."""
         bench, out = self._bench, self._out
-        try:
+        with file_errors(out, "the bench cannot be saved here"):
             saved = save_bench(bench, out)
-        except OSError as problem:
-            raise RecordingError(f"{out}: the bench cannot be saved here ({problem})") from problem
         if bench.config.record.mcap:
             metadata = {"scene": bench.scene.name, "seed": str(bench.config.seed), "vehicles": " ".join(bench.vehicles)}
             self._recording = McapRecording(

@@ -179,10 +179,8 @@ class Progress(ProgressDisplay):
 class MapProgress(ProgressDisplay):
     """Progress of the import of a map: a bar on a terminal, elsewhere nothing. Its name is the map's file."""
 
-    def __init__(
-        self, source: str, *, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        super().__init__(source, quiet=False, stream=stream, clock=clock)
+    def __init__(self, source: str, *, stream: TextIO | None = None) -> None:
+        super().__init__(source, quiet=False, stream=stream, clock=time.monotonic)
         self._quiet = self._quiet or not self._stream.isatty()
 
     def show(self, state: State) -> None:

@@ -25,7 +25,7 @@ from hil.run.runs.failure import Failure
 from hil.run.runs.run_file import RunFile
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
-from signals.errors import ConfigError, HilError, RecordingError
+from signals.errors import ConfigError, HilError, file_errors
 from signals.time import NS_PER_S
 from sim.frame.source import SharedFrames
 
@@ -169,11 +169,9 @@ class VehicleRun:
         self._file.reserve()
         for part in self._parts:
             part.check()
-        try:
+        with file_errors(self._out, "the bench cannot be saved here"):
             saved = save_bench(context.bench, self._out, scene=None if self._shared is None else self._shared.scene)
             attachments = {saved.name: saved.read_bytes()}
-        except OSError as problem:
-            raise RecordingError(f"{self._out}: the bench cannot be saved here ({problem})") from problem
         recorder = Recorder(
             self._out,
             mcap=config.record.mcap if self._shared is None else self._shared.mcap,
@@ -253,15 +251,12 @@ class VehicleRun:
     def _write_report(self, run: Mapping[str, Any], events: Sequence[Event]) -> None:
         from hil.run.report import figures, page  # loads matplotlib, which takes half a second
 
-        try:
+        with file_errors(self._out, "the report cannot be written"):
             with figures.style():
                 reports = [part.report(self.context) for part in self._parts]
             pictures = [picture for report in reports for picture in report.pictures]
             sections = [section for report in reports for section in report.sections]
             page.write_page(self._out, run, events, Report(pictures, sections))
-        except OSError as error:
-            text = f"{self._out}: the report cannot be written ({error.strerror or error})"
-            raise RecordingError(text) from error
 
 
 def _add_keys(summary: dict[str, Any], part: Part) -> None:

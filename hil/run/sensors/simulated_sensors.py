@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hil.config import Bench, SensorConfig
 from hil.config.sensors.radar_checks import radars, view_of
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.rotation import matrix_of
 from signals.samples import Quat, Vec3
 from signals.time import is_due
@@ -103,12 +103,10 @@ def write_calibration(out: Path, name: str, sensor: Any, *, rate_hz: float) -> l
         f"{name}.sensor.yaml": euroc_yaml(camera, rate_hz=rate_hz, T_BS=T_BS),
     }
     folder = out / CALIBRATION_FOLDER
-    try:
+    with file_errors(folder, "the calibration cannot be written"):
         folder.mkdir(exist_ok=True)
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{folder}: the calibration cannot be written ({error.strerror or error})") from error
     return [folder / file for file in texts]
 
 

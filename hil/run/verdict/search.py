@@ -30,7 +30,7 @@ from hil.run.verdict.true_people import TruePeople, TruePerson, visible_px
 from hil.run.verdict.verdict import AIRBORNE_M, Row, rows_within
 from hil.run_files import PEOPLE_NAME, SEARCH_PICTURE_NAME
 from signals.detections import Detections, FoundObject
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from sim.frame.source import SharedFrames
@@ -133,11 +133,9 @@ class SearchMeasurement:
             "false": [obj._asdict() for obj in result.false_at],
         }
         flown = track_m or [(t.p_WB[0], t.p_WB[1]) for t in self._sampled_states]
-        try:
+        with file_errors(out, "the search's result cannot be written"):
             (out / PEOPLE_NAME).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
             search_figure(result, self._search, flown).savefig(out / SEARCH_PICTURE_NAME, dpi=110)
-        except OSError as error:
-            raise RecordingError(f"{out}: the search's result cannot be written ({error.strerror or error})") from error
 
 
 def assign_objects(

@@ -22,6 +22,7 @@ from signals.samples import TruthState
 from sim.frame.mount import Mount
 from sim.frame.shading import MEAN_COLOURS
 from sim.frame.source import SharedFrames
+from sim.scene.scene_map import actor_pose
 from sim.scene.world import World
 
 
@@ -61,11 +62,8 @@ class TruePeople:
         """Return x and y in W [m] at a time: the mean position of the limbs."""
         if person.actor is None:
             return person.static_m
-        actor = self._actors[person.actor]
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-        actor.pose(t_ns, p, q, v, w)
-        x, y, _ = p.mean(axis=0).tolist()
+        p_WB, *_ = actor_pose(self._actors[person.actor], t_ns)
+        x, y, _ = p_WB.mean(axis=0).tolist()
         return x, y
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from typing import Iterator
+
 
 class CompanionError(Exception):
     """Base of all errors of the companion client."""
@@ -45,3 +48,12 @@ class BadMessage(CompanionError):
 
 class CutError(CompanionError):
     """The client under test failed, or returned a value that cannot be sent."""
+
+
+@contextmanager
+def file_errors(what: str) -> Iterator[None]:
+    """Raise CutError for an OSError in the block: `what`, such as "FILE cannot be written", with the reason."""
+    try:
+        yield
+    except OSError as error:
+        raise CutError(f"{what} ({error.strerror or error})") from error

@@ -20,12 +20,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.rotation import matrix_of
+from signals.rotation import applied_back, applied_to_rows, dot, matrix_of
 from sim.frame.band_radiance import band_radiance, radiance_of, temperature_of
 from sim.frame.camera_pose import CameraPose
 from sim.frame.derived import View
 from sim.frame.infrared_air import AirTransmission
 from sim.scene.heat import BONNET_K, CLOTHES_SHARE, HAIR_SHARE, SKIN_K, TYRE_K, climate_of, heat_of
+from sim.scene.scene_map import actor_pose
 from sim.scene.surfaces import CLOTH, HAIR, RUBBER, SKIN
 
 Float64 = NDArray[np.float64]
@@ -83,11 +84,11 @@ class Filler:
         radiance = self._empty(rays_C, geom, R)
         pixel = np.flatnonzero(geom >= 0)
         if pixel.size:
-            at = geom[pixel]
+            at, axes = geom[pixel], np.reshape(R, (3, 3))
             range_m = pictures["range"].reshape(-1)[pixel].astype(np.float64)
-            rays_W = _rotated(R, rays_C[pixel])
-            n_W = _rotated(R, pictures["normal"].reshape(-1, 3)[pixel].astype(np.float64))
-            facing = np.maximum(_dot(n_W, climate.to_sun_W), 0.0)
+            rays_W = applied_to_rows(axes, rays_C[pixel])
+            n_W = applied_to_rows(axes, pictures["normal"].reshape(-1, 3)[pixel].astype(np.float64))
+            facing = np.maximum(dot(n_W.T, climate.to_sun_W), 0.0)
             point_W = np.array(pose.p_WC) + range_m[:, None] * rays_W
             if self._shadows and climate.beam_w_per_m2 > 0.0:
                 self._shade(point_W, n_W, facing)
@@ -106,8 +107,7 @@ class Filler:
         """Return the radiance of the sky, and of the air below the horizon; undefined where there is a surface."""
         radiance = np.full(len(geom), self._air_radiance)
         pixel = np.flatnonzero(geom < 0)
-        r = rays_C[pixel]
-        sine = R[6] * r[:, 0] + R[7] * r[:, 1] + R[8] * r[:, 2]
+        sine = dot(R[6:], rays_C[pixel].T)
         place = np.minimum(np.maximum(sine, 0.0), 1.0) * (_SKY_NODES - 1)
         node = np.minimum(place.astype(np.int64), _SKY_NODES - 2)
         sky = self._sky[node] + (place - node) * (self._sky[node + 1] - self._sky[node])
@@ -133,8 +133,7 @@ class Filler:
                 continue
             p, R = bonnet.pose(self._geometry.t_ns)
             d = point_W[pixel] - p
-            forward = d[:, 0] * R[0] + d[:, 1] * R[3] + d[:, 2] * R[6]
-            up = d[:, 0] * R[2] + d[:, 1] * R[5] + d[:, 2] * R[8]
+            forward, _, up = applied_back(R, d.T)
             surface_k[pixel[(forward >= bonnet.least_x_m) & (up >= bonnet.least_z_m)]] += BONNET_K
 
 
@@ -148,9 +147,7 @@ class _Bonnet:
 
     def pose(self, t_ns: int) -> tuple[Float64, tuple[float, ...]]:
         """Return position and rotation of the first body at a time."""
-        n = len(self._actor.bodies)
-        p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-        self._actor.pose(t_ns, p, q, v, w)
+        p, q, _, _ = actor_pose(self._actor, t_ns)
         a, b, c, d = q[0].tolist()
         return p[0], tuple(matrix_of((a, b, c, d)))
 
@@ -178,13 +175,3 @@ def _bonnets(world: Any) -> list[_Bonnet]:
         is_part[chassis] = True
         found.append(_Bonnet(actor, is_part, low, high))
     return found
-
-
-def _rotated(R: Any, v: Float64) -> Float64:
-    """Return vectors (n, 3) rotated by a matrix of nine numbers, with its sums written out: the same on any machine."""
-    x, y, z = v[:, 0], v[:, 1], v[:, 2]
-    return np.stack([R[i] * x + R[i + 1] * y + R[i + 2] * z for i in (0, 3, 6)], axis=1)
-
-
-def _dot(v: Float64, w: tuple[float, float, float]) -> Float64:
-    return v[:, 0] * w[0] + v[:, 1] * w[1] + v[:, 2] * w[2]

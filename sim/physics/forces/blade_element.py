@@ -115,14 +115,14 @@ def inflow_thrust_kg_per_rad(c: StaticRotor, model: BladeElement) -> float:
     return k / room
 
 
-def lumps_of(c: StaticRotor, model: BladeElement, *, thrust_left: float = 1.0) -> RotorLumps:
-    """Return the lumps of a rotor with static thrust k O^2 and static torque m_ratio k O^2, of which a share is left.
+def lumps_of(c: StaticRotor, model: BladeElement) -> RotorLumps:
+    """Return the lumps of a rotor with static thrust k O^2 and static torque m_ratio k O^2.
 
     Raises ValueError for constants that contradict each other.
     """
     radius2 = c.radius_m * c.radius_m
     disc = 2.0 * model.air_density_kgpm3 * math.pi * c.radius_m * c.radius_m
-    k, c_l = thrust_left * c.thrust_coefficient_n_per_radps2, thrust_left * inflow_thrust_kg_per_rad(c, model)
+    k, c_l = c.thrust_coefficient_n_per_radps2, inflow_thrust_kg_per_rad(c, model)
     kappa = k / disc
     per_speed = kappa**0.5  # v_h / O
     c_t = k + c_l * per_speed
@@ -130,7 +130,7 @@ def lumps_of(c: StaticRotor, model: BladeElement, *, thrust_left: float = 1.0) -
     found = RotorLumps(
         c_t=c_t,
         c_l=c_l,
-        c_v=1.5 * c_t / radius2 if across is None else thrust_left * across,
+        c_v=1.5 * c_t / radius2 if across is None else across,
         c_q=k * (c.moment_ratio_m - model.induced_power_factor * per_speed),
         k_d=c.drag_kg_per_rad,
         kappa_m2=kappa,

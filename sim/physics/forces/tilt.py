@@ -13,6 +13,7 @@ import pydantic
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
+from signals.rotation import minus
 from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.forces.force import Point
@@ -75,7 +76,7 @@ class Tilt(StrictModel):
         axis = rotated(rotor.axis, self.axis, angle_rad)
         if self.hinge_m is None:
             return rotor.model_copy(update={"axis": axis})
-        arm = _minus(rotor.position_m, self.hinge_m)
+        arm = minus(rotor.position_m, self.hinge_m)
         x, y, z = rotated(arm, self.axis, angle_rad)
         cx, cy, cz = self.hinge_m
         return rotor.model_copy(update={"axis": axis, "position_m": (cx + x, cy + y, cz + z)})
@@ -104,10 +105,6 @@ def rotated(v: Vec3, axis: Vec3, angle_rad: float) -> Vec3:
         y * c + (d * x - a * z) * s + b * along,
         z * c + (a * y - b * x) * s + d * along,
     )
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def check_tilts(tilts: Sequence[Tilt], rotors: Sequence[Rotor]) -> None:

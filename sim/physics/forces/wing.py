@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from signals.rotation import norm
+from signals.rotation import cross, norm
 from signals.samples import Vec3
 from sim.physics.forces.force import Command, ForceParameters
 from sim.physics.forces.surface import Surface
@@ -48,7 +48,7 @@ def tapered(root: Station, tip: Station) -> Corners:
     corners: Corners = []
     for quarter, ahead in (root, tip):
         chord_m = 4.0 * norm(ahead)
-        across = _cross(ahead, along)
+        across = cross(ahead, along)
         up = tuple(_HALF_THICKNESS * chord_m * c / norm(across) for c in across)
         for share, side in ((1.0, 0.0), (-0.6, 1.0), (-3.0, 0.0), (-0.6, -1.0)):
             x, y, z = (q + share * a + side * u for q, a, u in zip(quarter, ahead, up, strict=True))
@@ -61,7 +61,3 @@ def spindle(nose_m: Vec3, tail_m: Vec3, width_m: float, height_m: float) -> Corn
     x, y, z = (n + 0.25 * (t - n) for n, t in zip(nose_m, tail_m, strict=True))
     w, h = 0.5 * width_m, 0.5 * height_m
     return [nose_m, (x, y + w, z), (x, y, z + h), (x, y - w, z), (x, y, z - h), tail_m]
-
-
-def _cross(a: Vec3, b: Vec3) -> Vec3:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

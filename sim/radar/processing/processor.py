@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.points import POINT_DTYPE, PointFinder
@@ -86,22 +86,16 @@ def process_recording(
     array = as_array(array)
     expected = (len(array.rx_positions_m) * chirp.parts, chirp.chirps, chirp.samples)
     if adc.ndim != 4 or adc.shape[1:] != expected:
-        raise ConfigError(
-            [
-                Problem(
-                    "recording",
-                    f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {expected} "
-                    "(channels, chirps, samples)",
-                    "process it with the settings of the recording",
-                )
-            ]
+        raise ConfigError.at(
+            "recording",
+            f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {expected} "
+            "(channels, chirps, samples)",
+            "process it with the settings of the recording",
         )
     if adc.dtype != np.uint16:
-        raise ConfigError(
-            [Problem("recording", f"its samples are {adc.dtype}, not uint16", "store the codes of the ADC")]
-        )
+        raise ConfigError.at("recording", f"its samples are {adc.dtype}, not uint16", "store the codes of the ADC")
     if period_ns <= 0:
-        raise ConfigError([Problem("recording", f"period_ns {period_ns} is not positive")])
+        raise ConfigError.at("recording", f"period_ns {period_ns} is not positive")
     return _frames(adc, Processor(chirp, array, processing or Processing()), period_ns)
 
 

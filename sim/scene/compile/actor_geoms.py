@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from signals.rotation import matrix_of, norm
+from signals.rotation import applied_to_rows, dot, matrix_of, norm
 from signals.samples import Quat, Vec3
 from sim.scene.placed.actor import ObjectActor
-from sim.scene.scene_map import Actor
+from sim.scene.scene_map import Actor, actor_pose
 from sim.scene.world import World
 
 _TOUCH_M = 1e-3
@@ -29,15 +28,13 @@ def actor_geoms(model: mujoco.MjModel, body: str) -> range:
 
 def pose_geoms(model: mujoco.MjModel, data: mujoco.MjData, actor: Actor, t_ns: int) -> None:
     """Write the poses of an actor's geoms at `t_ns`."""
-    n = len(actor.bodies)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    actor.pose(t_ns, p, q, v, w)
+    p, q, _, _ = actor_pose(actor, t_ns)
     for name, p_WB, q_WB in zip(actor.bodies, p, q.tolist(), strict=True):
         R_WB = np.array(matrix_of(q_WB)).reshape(3, 3)
         for geom in actor_geoms(model, name):
             R_BG = np.array(matrix_of(model.geom_quat[geom].tolist())).reshape(3, 3)
-            data.geom_xpos[geom] = p_WB + _product(R_WB, model.geom_pos[geom])
-            data.geom_xmat[geom] = _product(R_WB, R_BG).ravel()
+            data.geom_xpos[geom] = p_WB + applied_to_rows(R_WB, model.geom_pos[geom])
+            data.geom_xmat[geom] = applied_to_rows(R_WB, R_BG.T).T.ravel()
 
 
 def posed(world: World, t_ns: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -47,13 +44,6 @@ def posed(world: World, t_ns: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     for actor in world.map.actors:
         pose_geoms(world.model, data, actor, t_ns)
     return world.model, data
-
-
-def _product(R: NDArray[np.float64], a: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return R a for a vector or a matrix. The order of additions in NumPy's product depends on the machine."""
-    columns = R.T.reshape(3, 3, *[1] * (a.ndim - 1))
-    found: NDArray[np.float64] = (columns[0] * a[0] + columns[1] * a[1]) + columns[2] * a[2]
-    return found
 
 
 def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Quat, t_ns: int) -> Vec3:
@@ -103,11 +93,6 @@ def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Q
     return at(travelled_m)
 
 
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    found: NDArray[np.float64] = (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2]
-    return found
-
-
 def _near(world: World, data: mujoco.MjData, own: list[int], start_W: Vec3, end_W: Vec3, radius_m: float) -> list[int]:
     """Return the solid geoms of others whose bounding spheres an object may meet on its way."""
     model = world.model
@@ -115,9 +100,9 @@ def _near(world: World, data: mujoco.MjData, own: list[int], start_W: Vec3, end_
     a, b = np.array(start_W), np.array(end_W)
     p = data.geom_xpos[solid]
     way = b - a
-    along = np.clip(_dot(p - a, way) / max(float(_dot(way, way)), 1e-12), 0.0, 1.0)
-    away = p - (a + along[:, None] * way)
-    gap = np.sqrt(_dot(away, away))
+    along = np.clip(dot((p - a).T, way) / max(float(dot(way, way)), 1e-12), 0.0, 1.0)
+    away = (p - (a + along[:, None] * way)).T
+    gap = np.sqrt(dot(away, away))
     reach = model.geom_rbound[solid]
     found: list[int] = solid[(reach <= 0.0) | (gap <= reach + radius_m + 0.1)].tolist()
     return found

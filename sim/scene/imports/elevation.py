@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.geodesy import E2, FLATTENING, SEMI_MAJOR_M, LocalFrame, Site
 from signals.units import RAD_PER_DEG
 from sim.scene.budget import Budget
@@ -87,7 +87,7 @@ class GeoTiff:
         rows, columns = self.heights.shape
         known = np.argwhere(np.isfinite(self.heights))
         if not len(known):
-            raise ConfigError([Problem(self.source, "holds no known height", "cut it out where it has heights")])
+            raise ConfigError.at(self.source, "holds no known height", "cut it out where it has heights")
         row, column = known[np.abs(known - (0.5 * (rows - 1), 0.5 * (columns - 1))).sum(axis=1).argmin()].tolist()
         x, y = self.origin[0] + column * self.step[0], self.origin[1] + row * self.step[1]
         latitude_deg, longitude_deg = (y, x) if self.epsg in _GEOGRAPHIC else self._geodetic(x, y)
@@ -114,7 +114,7 @@ def read_geotiff(path: Path, budget: Budget | None = None) -> GeoTiff:
     source = shown_path(path)
 
     def wrong(message: str, hint: str = "") -> ConfigError:
-        return ConfigError([Problem(source, message, hint)])
+        return ConfigError.at(source, message, hint)
 
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -245,7 +245,7 @@ def make_terrain(tiff: GeoTiff, site: Site, half_m: float) -> Terrain:
         )
         latitude_deg, longitude_deg, _ = tiff.middle()
         hint = f"its middle is at latitude_deg: {latitude_deg:.6f}, longitude_deg: {longitude_deg:.6f}"
-        raise ConfigError([Problem(tiff.source, message, hint)])
+        raise ConfigError.at(tiff.source, message, hint)
     z = np.round(_filled(z) - middle, 4)
     # The take-off place is level, so that the vehicle stands.
     near = np.abs(line) <= max(2.0, 0.75 * cell)

@@ -54,7 +54,7 @@ class GltfFile:
     _arrays: dict[int, NDArray] = field(default_factory=dict, repr=False)
 
     def error(self, part: str, message: str, hint: str = "") -> ConfigError:
-        return ConfigError([Problem(self.source, f"{part} {message}" if part else message, hint)])
+        return ConfigError.at(self.source, f"{part} {message}" if part else message, hint)
 
     def key(self) -> str:
         """Return a hash of the file and of everything that it names."""
@@ -174,7 +174,7 @@ class _Reader:
         self._source = shown_path(path)
 
     def _error(self, message: str, hint: str = "", *, line: int = 0) -> ConfigError:
-        return ConfigError([Problem(f"{self._source}:{line}" if line else self._source, message, hint)])
+        return ConfigError.at(f"{self._source}:{line}" if line else self._source, message, hint)
 
     def read(self) -> GltfFile:
         data = self._file(self._path, "")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.scene.budget import Budget
 from sim.scene.work_progress import progress
 
@@ -64,19 +64,19 @@ def read_osm(path: Path, budget: Budget | None = None) -> OsmData:
     try:
         size = path.stat().st_size
         if not path.is_file():
-            raise ConfigError([Problem(source, "is not a regular file")])
+            raise ConfigError.at(source, "is not a regular file")
         if size > MAX_BYTES:
             message = f"is longer than the {MAX_BYTES / 1e6:g} MB that are read: {size / 1e6:.4g} MB"
-            raise ConfigError([Problem(source, message, "cut out a district: osmium extract --bbox W,S,E,N")])
+            raise ConfigError.at(source, message, "cut out a district: osmium extract --bbox W,S,E,N")
         if path.suffix.lower() == ".pbf":
             data = _pbf(path, source, budget)
         else:
             with path.open("rb") as file:
                 data = _xml(file, source, size, budget)
     except OSError as error:
-        raise ConfigError([Problem(source, f"cannot be read: {error.strerror or error}")]) from None
+        raise ConfigError.at(source, f"cannot be read: {error.strerror or error}") from None
     if not data.nodes:
-        raise ConfigError([Problem(source, "is empty: it holds no node")])
+        raise ConfigError.at(source, "is empty: it holds no node")
     return data
 
 
@@ -154,27 +154,27 @@ def _xml(file: BinaryIO, source: str, size: int, budget: Budget) -> OsmData:
     try:
         while chunk := file.read(_CHUNK_BYTES):
             if not fed and chunk.startswith((b"\x1f\x8b", b"BZh")):
-                raise ConfigError([Problem(source, "is compressed", "unpack it: gunzip or bunzip2")])
+                raise ConfigError.at(source, "is compressed", "unpack it: gunzip or bunzip2")
             if not fed and not chunk.strip():
-                raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
+                raise ConfigError.at(source, "is empty", "an OpenStreetMap file begins with <osm>")
             parser.Parse(chunk, False)
             fed += len(chunk)
             progress.tell("MB read", fed // 1_000_000, size // 1_000_000)
             if fed - max(parser.CurrentByteIndex, 0) > 2 * _CHUNK_BYTES:
                 raise _Refused(f"an element or a text of more than {_CHUNK_BYTES} bytes")
         if not fed:
-            raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
+            raise ConfigError.at(source, "is empty", "an OpenStreetMap file begins with <osm>")
         parser.Parse(b"", True)
     except xml.parsers.expat.ExpatError as error:
         message = xml.parsers.expat.ErrorString(error.code)
-        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {message}")]) from None
+        raise ConfigError.at(f"{source}:{error.lineno}", f"is not valid XML: {message}") from None
     except _Refused as error:
-        raise ConfigError([Problem(f"{source}:{parser.CurrentLineNumber}", str(error))]) from None
+        raise ConfigError.at(f"{source}:{parser.CurrentLineNumber}", str(error)) from None
     except KeyError as error:
         message = f"an element has no attribute {error.args[0]!r}"
-        raise ConfigError([Problem(f"{source}:{parser.CurrentLineNumber}", message)]) from None
+        raise ConfigError.at(f"{source}:{parser.CurrentLineNumber}", message) from None
     except (ValueError, LookupError) as error:
-        raise ConfigError([Problem(f"{source}:{parser.CurrentLineNumber}", f"holds a wrong value: {error}")]) from None
+        raise ConfigError.at(f"{source}:{parser.CurrentLineNumber}", f"holds a wrong value: {error}") from None
     data.node_tags = {number: found for number, found in data.node_tags.items() if found}
     return data
 
@@ -185,14 +185,14 @@ def _pbf(path: Path, source: str, budget: Budget) -> OsmData:
     except ImportError:
         message = "is a PBF file, and the package osmium, which reads these, is not installed"
         hint = 'pip install "hil-bench[scenes]", or: osmium cat IN.osm.pbf -o OUT.osm'
-        raise ConfigError([Problem(source, message, hint)]) from None
+        raise ConfigError.at(source, message, hint) from None
     data = OsmData(source)
     try:
         objects: Any = osmium.FileProcessor(str(path))
         for count, item in enumerate(objects):
             if count >= MAX_OBJECTS:
                 message = f"holds more than {MAX_OBJECTS} objects"
-                raise ConfigError([Problem(source, message, "cut out a district: osmium extract --bbox W,S,E,N")])
+                raise ConfigError.at(source, message, "cut out a district: osmium extract --bbox W,S,E,N")
             tags = {tag.k: tag.v for tag in item.tags}
             budget.memory(_OBJECT_BYTES + _TAG_BYTES * len(tags), "its objects")
             if item.is_node():
@@ -203,7 +203,7 @@ def _pbf(path: Path, source: str, budget: Budget) -> OsmData:
                 budget.memory(_REFERENCE_BYTES * len(item.nodes), "its ways")
                 if len(item.nodes) > MAX_WAY_NODES:
                     message = f"way {item.id} has {len(item.nodes)} nodes; OpenStreetMap allows {MAX_WAY_NODES}"
-                    raise ConfigError([Problem(source, message)])
+                    raise ConfigError.at(source, message)
                 data.ways[item.id] = Way(tuple(node.ref for node in item.nodes), tags)
             elif item.is_relation():
                 budget.memory(_TAG_BYTES * len(item.members), "its relations")
@@ -215,7 +215,7 @@ def _pbf(path: Path, source: str, budget: Budget) -> OsmData:
             data.bounds = (box.bottom_left.lat, box.bottom_left.lon, box.top_right.lat, box.top_right.lon)
         reader.close()
     except (RuntimeError, ValueError, OSError) as error:
-        raise ConfigError([Problem(source, f"cannot be read as OpenStreetMap PBF: {error}")]) from None
+        raise ConfigError.at(source, f"cannot be read as OpenStreetMap PBF: {error}") from None
     return data
 
 

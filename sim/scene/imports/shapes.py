@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 try:
     import shapely
@@ -30,7 +30,7 @@ def need_shapely(source: str) -> None:
     """Raise ConfigError if the package is not installed."""
     if shapely is None:
         message = "is an OpenStreetMap extract, and the package shapely, which its areas need, is not installed"
-        raise ConfigError([Problem(source, message, 'pip install "hil-bench[scenes]"')])
+        raise ConfigError.at(source, message, 'pip install "hil-bench[scenes]"')
 
 
 def parts(shape: Any) -> list[Any]:

@@ -37,7 +37,7 @@ _STEP_M = 0.012  # surface of a street
 _CARS = ("sedan", "hatchback", "suv")  # each further kind costs 20 ms when the map is made
 
 
-class AirSimNHParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of vehicles and plants."""
 
     parked_vehicles: Annotated[int, Field(ge=0, le=160)] = 50
@@ -47,7 +47,7 @@ class AirSimNHParameters(StrictModel):
 
 
 class _Neighbourhood(Suburb):
-    def __init__(self, parameters: AirSimNHParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         super().__init__("airsim_nh", seed, parameters.season)
         self.parameters = parameters
         self.drives: list[tuple[float, float, float]] = []  # x, y and heading of the cars' places
@@ -222,7 +222,7 @@ def _add_dashes(mesh: Mesh, begin: Point, end: Point) -> None:
         at += 6.0
 
 
-def generate(parameters: AirSimNHParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     suburb = _Neighbourhood(parameters, seed)
     suburb.materials()
     suburb.streets()

@@ -46,7 +46,7 @@ _CROPS = {
 }  # fmt: skip
 
 
-class AirstripParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of plants, and the wind that the windsock shows."""
 
     trees: Annotated[int, Field(ge=0, le=400)] = 60
@@ -58,7 +58,7 @@ class AirstripParameters(StrictModel):
 
 
 class _Airstrip:
-    def __init__(self, parameters: AirstripParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         self.parameters, self.seed = parameters, seed
         self.builder = MapBuilder("airstrip")
         self.layout = Layout()
@@ -231,7 +231,7 @@ def _turned(yaw_rad: float, droop_rad: float) -> tuple[float, float, float, floa
     return product(yaw_quat(yaw_rad), pitch_quat(QUARTER_TURN_RAD + droop_rad))
 
 
-def generate(parameters: AirstripParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     airstrip = _Airstrip(parameters, seed)
     airstrip.materials()
     airstrip.ground()

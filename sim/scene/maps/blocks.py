@@ -37,7 +37,7 @@ _COLOURS = {
 }
 
 
-class BlocksParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of objects."""
 
     cubes: Annotated[int, Field(ge=0, le=400)] = 160
@@ -96,7 +96,7 @@ def _rounded_cube(edge_m: float) -> Mesh:
 
 
 class _Blocks:
-    def __init__(self, parameters: BlocksParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         self.parameters = parameters
         self.seed = seed
         self.builder = MapBuilder("blocks")
@@ -210,7 +210,7 @@ class _Blocks:
         self.layout.take_disc(x, y, radius + 1.0)
 
 
-def generate(parameters: BlocksParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     blocks = _Blocks(parameters, seed)
     blocks.materials()
     blocks.ground()

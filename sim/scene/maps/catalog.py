@@ -1,40 +1,27 @@
-"""Map generators that a scene file may name: one file and one line here for each."""
+"""Map generators that a scene file may name: each is one file of this folder with `Parameters` and `generate`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any, NamedTuple
 
 from signals.documents.validate import StrictModel
-from sim.scene.maps import (
-    airsim_nh,
-    airstrip,
-    blocks,
-    city_park,
-    landscape_mountains,
-    radar_range,
-    training_village,
-    urban_delivery,
-)
+from sim.scene import maps
 from sim.scene.scene_map import SceneMap
 
 
-@dataclass(frozen=True)
-class Generator:
+class Generator(NamedTuple):
     """Map generator. `generate(parameters, seed)` is a pure function of its arguments."""
 
     parameters: type[StrictModel]
     generate: Callable[[Any, int], SceneMap]
 
 
-GENERATORS: dict[str, Generator] = {
-    "city_park": Generator(city_park.CityParkParameters, city_park.generate),
-    "urban_delivery": Generator(urban_delivery.UrbanDeliveryParameters, urban_delivery.generate),
-    "training_village": Generator(training_village.TrainingVillageParameters, training_village.generate),
-    "radar_range": Generator(radar_range.RadarRangeParameters, radar_range.generate),
-    "blocks": Generator(blocks.BlocksParameters, blocks.generate),
-    "airsim_nh": Generator(airsim_nh.AirSimNHParameters, airsim_nh.generate),
-    "airstrip": Generator(airstrip.AirstripParameters, airstrip.generate),
-    "landscape_mountains": Generator(landscape_mountains.LandscapeMountainsParameters, landscape_mountains.generate),
+_MODULES = {info.name: import_module(f"{maps.__name__}.{info.name}") for info in iter_modules(maps.__path__)}
+GENERATORS = {
+    name: Generator(module.Parameters, module.generate)
+    for name, module in _MODULES.items()
+    if hasattr(module, "generate")
 }

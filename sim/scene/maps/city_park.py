@@ -63,7 +63,7 @@ _STREET_M = 52.5  # middle of the street round the park
 Point3 = tuple[float, float, float]
 
 
-class CityParkParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of trees, bushes, people and furniture."""
 
     trees: Annotated[int, Field(ge=0, le=400)] = 30
@@ -83,7 +83,7 @@ class CityParkParameters(StrictModel):
 
 
 class _Park:
-    def __init__(self, parameters: CityParkParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         self.parameters = parameters
         self.seed = seed
         self.builder = MapBuilder("city_park")
@@ -474,7 +474,7 @@ def _along_spoke(spoke: list[Point], speed_mps: float, lap: float, rng: RandomGe
     return WalkPath([*right, *reversed(left)], speed_mps, corner_m=half, start_lap=lap)
 
 
-def generate(parameters: CityParkParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     park = _Park(parameters, seed)
     park.materials()
     park.paths()

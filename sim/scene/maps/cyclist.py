@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 from signals._kernel import det_atan2, det_cos, det_sin
-from signals.rotation import cross, norm, unit
+from signals.rotation import cross, minus, norm, unit
 from signals.samples import Vec3
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.vehicles import bicycle_layout as city
@@ -119,7 +119,7 @@ def _upper_rows(figure: Figure, hip: Vec3, size: float) -> list[Row]:
     low, high = _LEANS_RAD
     for _ in range(30):
         lean = 0.5 * (low + high)
-        span_m = norm(_difference(wrists[0], shoulder(lean, 1.0)))
+        span_m = norm(minus(wrists[0], shoulder(lean, 1.0)))
         low, high = (lean, high) if span_m > _ARM_SHARE * arm else (low, lean)
     upright = (det_sin(0.6 * lean), 0.0, det_cos(0.6 * lean))
     neck = _moved(hip, (det_sin(lean), 0.0, det_cos(lean)), figure.shoulder_above_hip_m)
@@ -135,7 +135,7 @@ def _upper_rows(figure: Figure, hip: Vec3, size: float) -> list[Row]:
 
 def _elbow(shoulder: Vec3, wrist: Vec3, figure: Figure, towards: Vec3) -> Vec3:
     """Return the joint between two bones of known length, bent `towards` a direction."""
-    span = _difference(wrist, shoulder)
+    span = minus(wrist, shoulder)
     a, b, far = figure.upper_arm_m, figure.forearm_m, norm(span)
     along = 0.5 * (a * a - b * b + far * far) / far
     out = sqrt(max(0.0, a * a - along * along))
@@ -145,7 +145,7 @@ def _elbow(shoulder: Vec3, wrist: Vec3, figure: Figure, towards: Vec3) -> Vec3:
 
 def _between(upper: Vec3, lower: Vec3) -> Row:
     """Return the row of a limb between two joints."""
-    x, y, z = unit(_difference(upper, lower))
+    x, y, z = unit(minus(upper, lower))
     level = sqrt(x * x + y * y)
     sign = -1.0 if x < 0.0 else 1.0  # the limb does not turn about its own axis
     pitch, yaw = 0.5 * det_atan2(sign * level, z), 0.5 * det_atan2(sign * y, sign * x)
@@ -155,10 +155,6 @@ def _between(upper: Vec3, lower: Vec3) -> Row:
 
 def _pitched(at: Vec3, pitch_rad: float) -> Row:
     return [*at, det_cos(0.5 * pitch_rad), det_sin(0.5 * pitch_rad), 1.0, *[0.0] * 6]
-
-
-def _difference(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _moved(at: Vec3, along: Vec3, by_m: float) -> Vec3:

@@ -53,7 +53,7 @@ _LINE: tuple[Vec3, ...] = (
 )  # fmt: skip
 
 
-class LandscapeMountainsParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of plants and rocks."""
 
     conifers: Annotated[int, Field(ge=0, le=2000)] = 240
@@ -146,7 +146,7 @@ def _triangles(coarse: NDArray[np.bool_]) -> Iterator[tuple[tuple[int, int], tup
 
 
 class _Landscape:
-    def __init__(self, parameters: LandscapeMountainsParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         self.parameters, self.seed = parameters, seed
         self.builder = MapBuilder("landscape_mountains")
         self.layout = Layout()
@@ -324,7 +324,7 @@ class _Landscape:
             number += 1
 
 
-def generate(parameters: LandscapeMountainsParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     landscape = _Landscape(parameters, seed)
     landscape.materials()
     landscape.ground()

@@ -26,7 +26,7 @@ from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.season import Season
 from sim.scene.maps.shipped_mesh import ShippedMesh
-from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface
+from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface, actor_pose
 
 # Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0
@@ -210,16 +210,13 @@ class MapBuilder:
         tile_m: float | tuple[float, float] = 0.0,
         specular: float = 0.1,
         shininess: float = 0.2,
-        relief: str = "",
     ) -> str:
         """Add a material, unless the same one exists. `tile_m`: period of its texture; 0: it fills each geom once.
 
-        `relief`: texture of surface normals, laid as `texture` is, which must be given too. Raises ValueError if
-        another material has the name.
+        Raises ValueError if another material has the name.
         """
-        name = self._own(name)
-        texture, relief = (self._own(t) if t else "" for t in (texture, relief))
-        look = (surface, rgb, texture, tile_m, specular, shininess, relief)
+        name, texture = self._own(name), self._own(texture) if texture else ""
+        look = (surface, rgb, texture, tile_m, specular, shininess)
         if self._looks.get(name, look) != look:
             raise ValueError(f"two materials named {name}")
         if name in self._materials:
@@ -238,12 +235,7 @@ class MapBuilder:
             if tile_m:
                 u, v = tile_m if isinstance(tile_m, tuple) else (tile_m, tile_m)
                 attributes |= {"texuniform": "true", "texrepeat": numbers((2.0 / u, 2.0 / v))}
-        material = ET.SubElement(self._asset, "material", attributes)
-        if relief:
-            # MuJoCo takes layers instead of the attribute `texture`.
-            del material.attrib["texture"]
-            for role, layer in (("rgb", texture), ("normal", relief)):
-                ET.SubElement(material, "layer", role=role, texture=layer)
+        ET.SubElement(self._asset, "material", attributes)
         return name
 
     def mesh(self, name: str, mesh: Mesh | ShippedMesh, *, scale: float = 1.0, source: str = "") -> str:
@@ -300,10 +292,10 @@ class MapBuilder:
         attributes |= {key: numbers(value) for key, value in more.items()}
         ET.SubElement(self._world, "geom", attributes)
 
-    def ground_hfield(self, asset: str, *, material: str, pos: Vec3, name: str = "ground") -> None:
+    def ground_hfield(self, asset: str, *, material: str, pos: Vec3) -> None:
         """Add a height field to the worldbody, as `ground` does with other geoms."""
-        self.claim_geom(name)
-        attributes = {"name": name, "type": "hfield", "hfield": asset, "pos": numbers(pos)}
+        self.claim_geom("ground")
+        attributes = {"name": "ground", "type": "hfield", "hfield": asset, "pos": numbers(pos)}
         ET.SubElement(self._world, "geom", attributes | {"material": self.known_material(material)})
 
     @property
@@ -342,13 +334,12 @@ class MapBuilder:
 
     def actor(self, actor: Actor, *, at_origin: bool = False) -> list[Body]:
         """Register an actor, and add its mocap bodies at their poses of t = 0, or at the origin."""
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.tile(NO_TURN, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))
-        if not at_origin:
-            actor.pose(0, p, q, v, w)
+        p, q, _, _ = actor_pose(actor, 0)
+        if at_origin:
+            p[:], q[:] = 0.0, NO_TURN
         self._actors.append(actor)
         poses = zip(actor.bodies, p.tolist(), q.tolist(), strict=True)
-        return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]  # type: ignore[arg-type]
+        return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]
 
     def corner(self, corner: CornerReflector) -> None:
         """Register the triple bounce of a corner reflector; its plates are geoms of their own."""

@@ -36,7 +36,7 @@ class Reflector(StrictModel):
     edge_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.2
 
 
-class RadarRangeParameters(StrictModel):
+class Parameters(StrictModel):
     """Parameters of the walk and the reflectors."""
 
     near_m: Distance = 1.0
@@ -55,7 +55,7 @@ class RadarRangeParameters(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _in_order(self) -> RadarRangeParameters:
+    def _in_order(self) -> Parameters:
         if self.far_m < self.near_m + 2.0 * self.lane_m:
             raise ValueError("far_m must exceed near_m by at least two lanes, for the walk to fit")
         return self
@@ -91,7 +91,7 @@ def _add_reflector(builder: MapBuilder, reflector: Reflector, aim_m: float) -> N
     stand.geom("cylinder", (0.22, 0.02), pos=(0.0, 0.0, 0.02), material="plastic", part="foot")
 
 
-def generate(parameters: RadarRangeParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     builder = MapBuilder("radar_range")
     builder.texture("asphalt", textures.png("clean_asphalt"))
     builder.material("asphalt", surfaces.ASPHALT, texture="asphalt", tile_m=6.0, specular=0.0)

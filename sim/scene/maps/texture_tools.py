@@ -125,20 +125,25 @@ def encoded_png(image: NDArray[np.uint8]) -> bytes:
 
 def png_of(image: Image) -> bytes:
     """Return a picture as PNG, not compressed; a fourth channel is its alpha."""
-    channels, height, width = image.shape
-    # Each row begins with the number of its filter, 0: none.
-    rows = np.zeros((height, 1 + width * channels), np.uint8)
+    pixels = np.empty((*image.shape[1:], len(image)), np.uint8)
     for i, channel in enumerate(image):
         scaled = channel * np.float32(255.0)
         scaled += np.float32(0.5)
-        rows[:, 1 + i :: channels] = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)
+        pixels[..., i] = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)
+    return png(pixels, level=0)  # compression would take longer than everything else
+
+
+def png(pixels: NDArray[np.uint8], *, level: int) -> bytes:
+    """Return pixels (H, W, 3 or 4), red first, as PNG without filters, compressed at a level of zlib's."""
+    height, width, channels = pixels.shape
+    rows = np.zeros((height, 1 + width * channels), np.uint8)  # each begins with the number of its filter, 0: none
+    rows[:, 1:] = pixels.reshape(height, -1)
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)
-    # Compression would take longer than everything else.
-    body = zlib.compress(rows.data, 0)
+    body = zlib.compress(rows.data, level)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 

@@ -44,7 +44,7 @@ _LOW_M, _HIGH_M = -10.0, 80.0
 _CELLS = 5
 
 
-class TrainingVillageParameters(StrictModel):
+class Parameters(StrictModel):
     """Density of buildings, clutter and people."""
 
     tall_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.45
@@ -80,7 +80,7 @@ class Plot:
 
 
 class _Village:
-    def __init__(self, parameters: TrainingVillageParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         self.parameters = parameters
         self.seed = seed
         self.builder = MapBuilder("training_village")
@@ -370,7 +370,7 @@ def _meets_low_route(plot: Plot) -> bool:
     return False
 
 
-def generate(parameters: TrainingVillageParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     village = _Village(parameters, seed)
     village.materials()
     village.streets()

@@ -42,7 +42,7 @@ _CORNER_M = 4.0  # of a block, without small objects
 _INNER_M, _OUTER_M = _STREET_M - LANE_M, _STREET_M + LANE_M
 
 
-class UrbanDeliveryParameters(StrictModel):
+class Parameters(StrictModel):
     """Numbers of drop zones, vehicles, plants and people."""
 
     drop_zones: Annotated[int, Field(ge=0, le=24)] = 8
@@ -60,7 +60,7 @@ class UrbanDeliveryParameters(StrictModel):
 
 
 class _Suburb(Suburb):
-    def __init__(self, parameters: UrbanDeliveryParameters, seed: int) -> None:
+    def __init__(self, parameters: Parameters, seed: int) -> None:
         super().__init__("urban_delivery", seed, parameters.season)
         self.parameters = parameters
         self.layout.take_disc(0.0, 0.0, 6.0)
@@ -461,7 +461,7 @@ def _span(index: int) -> tuple[float, float]:
     return {-1: (-_EDGE_M, -_OUTER_M), 0: (-_INNER_M, _INNER_M), 1: (_OUTER_M, _EDGE_M)}[index]
 
 
-def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
+def generate(parameters: Parameters, seed: int) -> SceneMap:
     suburb = _Suburb(parameters, seed)
     suburb.materials()
     suburb.streets()

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.rotation import matrix_of, product
+from signals.rotation import applied_to_rows, matrix_of, product
 from signals.samples import Quat, Vec3
 from sim.scene.budget import Budget
 from sim.scene.compile_process import compile_mjcf
@@ -122,7 +122,7 @@ class Template:
         greatest = 0.0
         for part in self.parts:
             box = self.model.geom_aabb[part.geom]
-            middle = _rotated(part.R_BG, box[:3]) + part.p_BG
+            middle = applied_to_rows(part.R_BG, box[:3]) + part.p_BG
             reach = np.linalg.norm(middle) + np.linalg.norm(box[3:])
             greatest = max(greatest, float(reach))
         return max(scale) * greatest * 1.0001 + 1e-6
@@ -142,7 +142,7 @@ def template_of(
                 return None
             q: Quat = product(q_TB, tuple(model.geom_quat[geom].tolist()))
             R = np.array(matrix_of(q)).reshape(3, 3)
-            parts.append(Part(geom, kind, _rotated(R_TB, model.geom_pos[geom]) + np.array(p_TB), R, q))
+            parts.append(Part(geom, kind, applied_to_rows(R_TB, model.geom_pos[geom]) + np.array(p_TB), R, q))
     return Template(key, class_name, model, tuple(parts), materials, from_file) if parts else None
 
 
@@ -155,7 +155,7 @@ def poses_below(model: mujoco.MjModel, top: int) -> dict[int, tuple[Vec3, Quat]]
             continue
         p, q = found[parent]
         R = np.array(matrix_of(q)).reshape(3, 3)
-        x, y, z = (_rotated(R, model.body_pos[body]) + np.array(p)).tolist()
+        x, y, z = (applied_to_rows(R, model.body_pos[body]) + np.array(p)).tolist()
         found[body] = ((x, y, z), product(q, tuple(model.body_quat[body].tolist())))
     return found
 
@@ -190,15 +190,9 @@ def materials_of(scene_map: SceneMap, prefix: str) -> Materials:
     return Materials(prefix, tuple(elements), files, {prefix + name: each for name, each in scene_map.surfaces.items()})
 
 
-def _rotated(R: Float64, v: NDArray) -> Float64:
-    """Return R v of vectors (..., 3). The sum is written out: its order in a matrix product depends on the machine."""
-    rotated: Float64 = (v[..., 0:1] * R[:, 0] + v[..., 1:2] * R[:, 1]) + v[..., 2:3] * R[:, 2]
-    return rotated
-
-
 def _scaled_size(part: Part, size: list[float], scale: Vec3) -> tuple[str, Iterable[float]]:
     """Return kind and size of a scaled primitive: along its own axes the scale is diag(R^T S R)."""
-    sx, sy, sz = _rotated(part.R_BG.T**2, np.array(scale)).tolist()
+    sx, sy, sz = applied_to_rows(part.R_BG.T**2, np.array(scale)).tolist()
     if part.kind == "sphere":
         r = size[0]
         return ("sphere", (r * sx,)) if sx == sy == sz else ("ellipsoid", (r * sx, r * sy, r * sz))
@@ -215,8 +209,8 @@ def _scaled_obj(model: mujoco.MjModel, part: Part, scale: Vec3) -> bytes:
         return array[int(begin[mesh]) : int(begin[mesh]) + int(count[mesh])].astype(np.float64)
 
     s = np.array(scale)
-    vertex = (_rotated(part.R_BG, rows(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum)) + part.p_BG) * s
-    normal = _rotated(part.R_BG, rows(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum)) / s
+    vertex = (applied_to_rows(part.R_BG, rows(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum)) + part.p_BG) * s
+    normal = applied_to_rows(part.R_BG, rows(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum)) / s
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     faces = [rows(model.mesh_face, model.mesh_faceadr, model.mesh_facenum)]
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertex.tolist()]

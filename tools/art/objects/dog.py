@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross, unit
+from signals.rotation import cross, minus, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
@@ -109,7 +109,7 @@ def _add_oval_tube(mesh: Mesh, rings: Sequence[Ring], v_range: Vec2, sides: int)
     rows = []
     for k, (p, half_y, half) in enumerate(rings):
         a, b = rings[max(k - 1, 0)][0], rings[min(k + 1, len(rings) - 1)][0]
-        d = unit((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
+        d = unit(minus(b, a))
         across = unit((-d[0] * d[1], 1.0 - d[1] * d[1], -d[2] * d[1]))
         up = cross(d, across)
         v = mix(*v_range, k / (len(rings) - 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross, unit
+from signals.rotation import cross, minus, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from tools.art.people.loft import SmoothMesh, ball, block, skin
@@ -87,7 +87,7 @@ def _ring(centre: Vec3, radius: float, tube: float, around: int, sides: int) -> 
 
 def _rod(start: Vec3, end: Vec3, radius: float, sides: int) -> SmoothMesh:
     """Return a round bar between two points."""
-    along = unit((end[0] - start[0], end[1] - start[1], end[2] - start[2]))
+    along = unit(minus(end, start))
     aside = unit(cross(along, (1.0, 0.0, 0.0) if abs(along[0]) < 0.8 else (0.0, 1.0, 0.0)))
     other = cross(along, aside)
     outlines = []

@@ -13,7 +13,7 @@ from functools import cache
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross, unit
+from signals.rotation import cross, minus, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
@@ -155,7 +155,7 @@ def bough(form_name: str, variant: int, droop: float) -> tuple[CardMesh, Skeleto
     for k, (n, target) in enumerate(zip(directions, targets, strict=True)):
         out = unit((n[0] / a, n[1] / b, n[2] / c))
         before = skeleton.nodes[skeleton.parent[skeleton.tips[k]]]
-        twig = unit((target[0] - before[0], target[1] - before[1], target[2] - before[2]))
+        twig = unit(minus(target, before))
         # A card lies along the surface of the crown, tilted at random.
         facing = weighted((1.0, out), (0.60, _random_direction(rng)), (0.15, (0.0, 0.0, 1.0)))
         way = weighted((0.25, twig), (0.85, _random_direction(rng)), (1.0, (0.0, 0.0, -0.15 - 1.6 * droop)))

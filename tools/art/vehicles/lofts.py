@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross, unit
+from signals.rotation import cross, minus, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
@@ -112,7 +112,7 @@ def add_tube(mesh: Mesh, points: Sequence[Vec3], radius_m: float | Sequence[floa
     rows = []
     for k, p in enumerate(points):
         a, b = points[max(k - 1, 0)], points[min(k + 1, len(points) - 1)]
-        d = unit((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
+        d = unit(minus(b, a))
         helper = (0.0, 0.0, 1.0) if abs(d[2]) < 0.9 else (1.0, 0.0, 0.0)
         u = unit(cross(helper, d))
         v = cross(d, u)

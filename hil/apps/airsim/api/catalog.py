@@ -1,54 +1,15 @@
-"""All groups of methods of the server. A new group is a file with a function `methods(simulation)`, and a line here."""
+"""All groups of methods of the server: each is one file of this folder with a function `methods(simulation)`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
+from pkgutil import iter_modules
 
-from hil.apps.airsim.api import (
-    attitude,
-    cameras,
-    cars,
-    control,
-    drawings,
-    environment,
-    geometry,
-    images,
-    inventory,
-    labels,
-    looks,
-    objects,
-    ranging,
-    recording,
-    sensors,
-    session,
-    state,
-    sticks,
-)
+from hil.apps.airsim import api
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.simulation import Simulation
 
-GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
-    session.methods,
-    control.methods,
-    attitude.methods,
-    sticks.methods,
-    state.methods,
-    sensors.methods,
-    ranging.methods,
-    images.methods,
-    cameras.methods,
-    labels.methods,
-    recording.methods,
-    environment.methods,
-    drawings.methods,
-    objects.methods,
-    inventory.methods,
-    geometry.methods,
-    looks.methods,
-    cars.methods,
-)
-
-
+_MODULES = [import_module(f"{api.__name__}.{info.name}") for info in iter_modules(api.__path__)]
 # Answered also during a long call: they need nothing of the world.
 _FREE = frozenset({"ping", "getServerVersion", "getMinRequiredClientVersion"})
 # These wait for the world with all objects, if it must be made anew.
@@ -73,5 +34,6 @@ def method_table(simulation: Simulation) -> MethodTable:
         is_long = method.is_long
         return method._replace(is_long=lambda *arguments: not frames.is_made or is_long(*arguments))
 
-    methods = [marked(method) for group in GROUPS for method in group(simulation)]
+    groups = [module.methods(simulation) for module in _MODULES if hasattr(module, "methods")]
+    methods = [marked(method) for group in groups for method in group]
     return MethodTable(methods, simulation.lock)

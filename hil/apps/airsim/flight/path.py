@@ -24,7 +24,7 @@ from typing import NamedTuple
 from hil.apps.airsim.flight.move import ACCURACY_M, PERIOD_S, Clock, Command, MoveError, NedState, limit_of
 from hil.apps.airsim.flight.yaw import Drivetrain, YawMode, check_heading, heading_of
 from signals._kernel import det_atan2, det_cos, det_sin
-from signals.rotation import cross, norm
+from signals.rotation import cross, dot, minus, norm
 from signals.samples import Vec3
 
 TAKEOFF_HEIGHT_M, TAKEOFF_SPEED_MPS = 2.0, 0.5
@@ -88,10 +88,10 @@ class Follow:
         track, options, p = self._track, self._options, state.p_m
         distance_m = track.advance(p, self._lookahead(self._options.velocity_mps))
         end = track.points[-1]
-        to_end = _between(p, end)
+        to_end = minus(end, p)
         left_m = norm(to_end)
         if left_m <= ACCURACY_M and track.left_m <= 2.0 * ACCURACY_M:
-            closing_mps = _dot(state.v_mps, to_end) / left_m if left_m > 0.0 else 0.0
+            closing_mps = dot(state.v_mps, to_end) / left_m if left_m > 0.0 else 0.0
             self._near_steps += 1
             stopped = closing_mps <= _CLOSING_MPS and self._near_steps > _STARTING_STEPS
             if stopped or (left_m <= _ARRIVED_M and norm(state.v_mps) <= _ARRIVED_MPS):
@@ -100,12 +100,12 @@ class Follow:
         speed_mps = track.speed_mps()
         lookahead_m = self._lookahead(speed_mps) + abs(options.adaptive_lookahead) * distance_m
         target = track.ahead(lookahead_m)
-        to_target = _between(p, target)
+        to_target = minus(target, p)
         heading = heading_of(options.yaw_mode, options.drivetrain, to_target[:2])._asdict()
         if track.left_m <= lookahead_m + speed_mps * speed_mps / (2.0 * _BRAKE_MPS2) and track.straight:
             return Command(p_xy_m=end[:2], z_m=end[2], speed_limit_mps=options.velocity_mps, **heading)
         to_target_m = max(norm(to_target), 1e-9)
-        ahead_mps = _dot(state.v_mps, to_target) / to_target_m
+        ahead_mps = dot(state.v_mps, to_target) / to_target_m
         scale = min(speed_mps, max(ahead_mps, 0.0) + _SPEED_UP_MPS) / to_target_m
         vx, vy, vz = (scale * component for component in to_target)
         return Command(v_xy_mps=(vx, vy), vz_mps=vz, **heading)
@@ -147,9 +147,9 @@ class _Track:
     def __init__(self, points: Sequence[Vec3], options: PathOptions) -> None:
         self.points = [points[0]]
         for point in points[1:]:
-            if norm(_between(self.points[-1], point)) > 1e-6:
+            if norm(minus(point, self.points[-1])) > 1e-6:
                 self.points.append(point)
-        self._way = [_between(a, b) for a, b in zip(self.points, self.points[1:], strict=False)]
+        self._way = [minus(b, a) for a, b in zip(self.points, self.points[1:], strict=False)]
         self._length = [norm(way) for way in self._way]
         self._begin = [0.0]  # path length at each point
         for length in self._length:
@@ -167,7 +167,7 @@ class _Track:
     @property
     def straight(self) -> bool:
         """True if only a straight leads to the end."""
-        return norm(_between(self._on_leg(self._leg, self._s), self.points[-1])) >= _STRAIGHT * self.left_m
+        return norm(minus(self.points[-1], self._on_leg(self._leg, self._s))) >= _STRAIGHT * self.left_m
 
     def at(self, s: float) -> Vec3:
         """Return the point at a path length, between those of the place and the end."""
@@ -181,15 +181,15 @@ class _Track:
 
     def advance(self, p: Vec3, reach_m: float) -> float:
         """Move the place to the nearest point ahead, at most `reach_m` away; return the distance of `p` from it."""
-        best_s, best_leg, best_m = self._s, self._leg, norm(_between(p, self._on_leg(self._leg, self._s)))
+        best_s, best_leg, best_m = self._s, self._leg, norm(minus(self._on_leg(self._leg, self._s), p))
         for leg in range(self._leg, len(self._length)):
             first = max(self._s, self._begin[leg])
             last = min(self._s + reach_m, self._begin[leg + 1])
             if first > self._s + reach_m:
                 break
-            along = self._begin[leg] + _dot(_between(self.points[leg], p), self._way[leg]) / self._length[leg]
+            along = self._begin[leg] + dot(minus(p, self.points[leg]), self._way[leg]) / self._length[leg]
             s = min(max(along, first), last)
-            distance_m = norm(_between(p, self._on_leg(leg, s)))
+            distance_m = norm(minus(self._on_leg(leg, s), p))
             # A later leg has to be nearer by more than rounding: a way back lies on the way there.
             if distance_m < best_m - (0.0 if leg == self._leg else _NEARER_M):
                 best_s, best_leg, best_m = s, leg, distance_m
@@ -219,8 +219,8 @@ class _Track:
         limits = [self._velocity_mps] * (count - 1) + [min(self._velocity_mps, _ARRIVED_MPS)]
         for i in range(1, count - 1):
             before, after = self._seen(i, -1, window_m), self._seen(i, 1, window_m)
-            came, goes = _between(before, self.points[i]), _between(self.points[i], after)
-            angle = det_atan2(norm(cross(came, goes)), _dot(came, goes))
+            came, goes = minus(self.points[i], before), minus(after, self.points[i])
+            angle = det_atan2(norm(cross(came, goes)), dot(came, goes))
             limits[i] = min(self._velocity_mps, _corner_speed(angle, self._lookahead_m))
         for i in range(count - 2, 0, -1):
             reachable = sqrt(limits[i + 1] * limits[i + 1] + 2.0 * _BRAKE_MPS2 * self._length[i])
@@ -287,11 +287,3 @@ def move_to_z(z_m: float, options: PathOptions) -> Follow:
 def go_home(timeout_s: float) -> Follow:
     """Fly to the start at 0.5 m/s."""
     return Follow([(0.0, 0.0, 0.0)], PathOptions(TAKEOFF_SPEED_MPS, timeout_s))
-
-
-def _between(a: Vec3, b: Vec3) -> Vec3:
-    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
-
-
-def _dot(a: Vec3, b: Vec3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

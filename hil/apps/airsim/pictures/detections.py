@@ -18,7 +18,7 @@ from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.objects.bounds import Bounds, Box
 from hil.apps.airsim.world.objects.names import like
-from signals.rotation import matrix_of, norm
+from signals.rotation import matrix_of, minus, norm
 from signals.samples import Quat, Vec3
 
 _MOST_PATTERNS = 1000
@@ -86,13 +86,9 @@ class Detections:
         detections = []
         for number in np.array(wanted)[present].tolist():
             box = self.box(number)
-            if _distance(place.p_W, box.p_WO) <= chosen.radius_m:
+            if norm(minus(place.p_W, box.p_WO)) <= chosen.radius_m:
                 detections.append(_detection(names[number], seen == number, place, box))
         return detections
-
-
-def _distance(a: Vec3, b: Vec3) -> float:
-    return norm((a[0] - b[0], a[1] - b[1], a[2] - b[2]))
 
 
 def _in_camera(place: CameraPlace, points_W: NDArray[np.float64]) -> NDArray[np.float64]:

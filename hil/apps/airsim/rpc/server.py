@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.apps.airsim.rpc.connection import Connection, Log
 from hil.apps.airsim.rpc.methods import Caller, MethodTable
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 MOST_CLIENTS = 256
 MOST_UNANSWERED_BYTES = 128 << 20  # of all clients together, before they are answered
@@ -40,7 +40,7 @@ class RpcServer:
             self._server = await loop.create_server(self._connection, host, port, backlog=128)
         except OSError as error:
             hint = "end the program that holds it, or choose another with --port"
-            raise ConfigError([Problem(f"{host}:{port}", f"cannot listen: {error.strerror or error}", hint)]) from None
+            raise ConfigError.at(f"{host}:{port}", f"cannot listen: {error.strerror or error}", hint) from None
         chosen: int = self._server.sockets[0].getsockname()[1]
         return chosen
 

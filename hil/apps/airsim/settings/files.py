@@ -12,11 +12,11 @@ from signals.documents.document import read_text, shown_path
 _LIMIT_BYTES = 4_000_000
 
 
-def find_settings(home: Path | None = None) -> Path | None:
+def find_settings() -> Path | None:
     """Return settings.json of the working directory, else that of ~/Documents/AirSim, else None."""
     places = [Path("settings.json")]
     with suppress(RuntimeError):  # a user without a home directory
-        places.append((home or Path.home()) / "Documents" / "AirSim" / "settings.json")
+        places.append(Path.home() / "Documents" / "AirSim" / "settings.json")
     return next((path for path in places if path.exists()), None)
 
 

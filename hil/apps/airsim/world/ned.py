@@ -12,7 +12,7 @@ from hil.apps.airsim.rpc.methods import RpcError
 from signals._kernel import rotate_into_body
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from signals.geodesy import LocalFrame, Site
-from signals.rotation import quaternion_norm
+from signals.rotation import minus, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 
 Kinematics = dict[str, Vector | Quaternion]
@@ -47,7 +47,7 @@ class NedFrame:
     def from_W(self, p_W: Vec3) -> Vec3:
         """Return a point of W in this frame."""
         o = self.origin_W
-        return ned_from_enu((p_W[0] - o[0], p_W[1] - o[1], p_W[2] - o[2]))
+        return ned_from_enu(minus(p_W, o))
 
     def to_W(self, p_N: Vec3) -> Vec3:
         """Return a point of this frame in W."""
@@ -81,7 +81,7 @@ class Earth:
     def geodetic(self, p_W: Vec3) -> tuple[float, float, float]:
         """Return latitude, longitude [deg] and altitude [m] of a point of W."""
         o = self._frame.origin_W
-        return self._local.geodetic_from_enu((p_W[0] - o[0], p_W[1] - o[1], p_W[2] - o[2]))
+        return self._local.geodetic_from_enu(minus(p_W, o))
 
     def point_W(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vec3:
         """Return the point of W at a geodetic position."""

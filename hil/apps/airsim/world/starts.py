@@ -10,7 +10,7 @@ from math import pi
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.ned import NedFrame
 from hil.apps.airsim.world.objects.present_world import PresentWorld
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
 from sim.physics.start_overlap import overlapping_starts
@@ -48,7 +48,7 @@ class Starts:
                 break
         else:
             hint = "give Vehicles different X and Y in settings.json"
-            raise ConfigError([Problem(f"vehicle {name!r}", f"starts inside vehicle {inside!r}", hint)])
+            raise ConfigError.at(f"vehicle {name!r}", f"starts inside vehicle {inside!r}", hint)
         if inside:
             self._log(
                 f"warning: vehicle '{name}' would start inside vehicle '{inside}', so it starts {north_m} m north and "

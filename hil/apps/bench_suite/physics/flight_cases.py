@@ -146,17 +146,17 @@ def hover(seconds: float = 5.0) -> Flight:
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands)
 
 
-def gust(seconds: float = 3.0) -> Flight:
+def gust() -> Flight:
     """Return a hover in a wind of 12 m/s that starts suddenly."""
     vehicle = bench_vehicle()
-    commands = np.full((round(seconds / TICK_S), 4), multirotor.hover_control(vehicle))
+    commands = np.full((round(3.0 / TICK_S), 4), multirotor.hover_control(vehicle))
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
 
 
-def switching(seconds: float = 5.0, *, model: str = "blade_element", vehicle: Vehicle | None = None) -> Flight:
+def switching(*, model: str = "blade_element", vehicle: Vehicle | None = None) -> Flight:
     """Return a flight of the iris with all effects, whose rotors stop and start at random every 0.1 s."""
     vehicle = vehicle or load_vehicle("iris").model_copy(update={"rotor_model": model})
-    ticks = round(seconds / TICK_S)
+    ticks = round(5.0 / TICK_S)
     running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
     commands: Float64 = np.repeat(running.astype(np.float64), 25, axis=0)[:ticks]
     commands *= min(1.0, 2.0 * multirotor.hover_control(vehicle))

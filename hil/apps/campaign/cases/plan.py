@@ -42,7 +42,7 @@ class Plan:
         self._sizes = [axis.count if isinstance(axis, Range) else len(axis) for axis in spec.axes.values()]
         count = spec.samples * math.prod(self._sizes) * spec.repeats
         if count > MAX_POINTS:
-            raise ConfigError([Problem(file.document.source, f"has {count:.3g} points; the most is {MAX_POINTS:.3g}")])
+            raise ConfigError.at(file.document.source, f"has {count:.3g} points; the most is {MAX_POINTS:.3g}")
         if problem := _sampling_problem(file) or _skip_problem(file) or _name_problem(file):
             raise ConfigError([problem])
         self._first_seed: int | None = None

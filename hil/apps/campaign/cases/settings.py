@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 BUNDLE_KEYS = {"label", "settings"}
 _UNPRINTABLE = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
@@ -70,13 +70,13 @@ def _put(settings: dict[str, Any], axis: str, value: Any) -> None:
 def _index(values: list[Any], key: str, axis: str) -> int:
     if not key.isdigit() or int(key) >= len(values):
         text = f"names entry {key} of a list with {len(values)} entries in settings; the first is 0"
-        raise ConfigError([Problem(f"axis {axis}", text)])
+        raise ConfigError.at(f"axis {axis}", text)
     return int(key)
 
 
 def _no_list(axis: str, place: str) -> ConfigError:
-    return ConfigError(
-        [Problem(f"axis {axis}", f"needs {place} in the section settings", "write the whole list or mapping there")]
+    return ConfigError.at(
+        f"axis {axis}", f"needs {place} in the section settings", "write the whole list or mapping there"
     )
 
 

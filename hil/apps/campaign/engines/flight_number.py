@@ -10,7 +10,7 @@ import fcntl
 import os
 
 from hil.cluster.trees import user_folder
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 _MOST = 1024
 
@@ -21,7 +21,7 @@ class FlightNumber:
     def __init__(self) -> None:
         """Raises RecordingError."""
         folder = user_folder() / "slots"
-        try:
+        with file_errors(folder, "cannot be used for locks", hint="; set TMPDIR"):
             folder.mkdir(exist_ok=True)
             for number in range(_MOST):
                 self._file = os.open(folder / str(number), os.O_RDWR | os.O_CREAT, 0o600)
@@ -32,8 +32,6 @@ class FlightNumber:
                     continue
                 self.number = number
                 return
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be used for locks ({error.strerror}); set TMPDIR") from error
         raise RecordingError(f"{_MOST} flights run on this machine already")
 
     def free(self) -> None:

@@ -15,9 +15,10 @@ from hil.config import Bench
 from hil.config.saved import save_bench
 from hil.config.scenes import save_scene
 from hil.run_files import BENCH_NAME
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 _PX4_DATA = ("../etc", "etc", "../share/px4/etc")  # places of PX4's start scripts beside its binary
+_KEPT = ". Everything stored so far is kept; continue with --resume"
 
 
 class Packer:
@@ -46,7 +47,7 @@ class Packer:
 
     def unpack_recording(self, recording: bytes, folder: Path) -> None:
         """Write the recording of a flight into `folder`, in place of an earlier one. Raises RecordingError."""
-        try:
+        with file_errors(folder, "a recording cannot be written", hint=_KEPT):
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             unpack(recording, folder)
@@ -55,11 +56,6 @@ class Packer:
                 for place, source in self._sources.items():
                     text = text.replace(place, source)
                 path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(
-                f"{folder}: a recording cannot be written ({error.strerror}). Everything stored so far is kept; "
-                "continue with --resume"
-            ) from error
 
     def _save(self, bench: Bench, folder: Path, trees: set[str]) -> None:
         scene = None

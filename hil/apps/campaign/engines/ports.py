@@ -14,7 +14,7 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.schema import Router
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 _MOST = 65535
 _MOST_INSTANCE = 99  # hil.config.schema.Autopilot
@@ -27,7 +27,7 @@ def with_own_ports(bench: Bench, number: int) -> Bench:
     move = number * step(sorted(ports))
     if ports and max(ports) + move > _MOST:
         text = f"port {max(ports)} leaves no room for flight {number} of this machine, which adds {move}"
-        raise ConfigError([Problem("router", text, "lower ports, or fewer --workers")])
+        raise ConfigError.at("router", text, "lower ports, or fewer --workers")
     if number:
         bench = _unfollowed(bench)
     moved = {name: _moved(each, number * len(flying), move) for name, each in bench.vehicles.items()}
@@ -53,7 +53,7 @@ def _unfollowed(bench: Bench) -> Bench:
     """Return `bench` without Foxglove. Raises ConfigError if it is a node of a ROS 2 graph."""
     if any(each.config.ros2.domain is not None for each in (bench, *bench.vehicles.values())):
         text = "the graph has another flight of this machine"
-        raise ConfigError([Problem("ros2.domain", text, "one flight at a time: --workers 1")])
+        raise ConfigError.at("ros2.domain", text, "one flight at a time: --workers 1")
     config = bench.config
     return replace(bench, config=config.model_copy(update={"foxglove": type(config.foxglove)()}))
 
@@ -65,13 +65,13 @@ def _moved(bench: Bench, instances: int, move: int) -> Bench:
         instance = config.autopilot.instance + instances
         if instance > _MOST_INSTANCE:
             text = f"{instance} of this flight is above {_MOST_INSTANCE}"
-            raise ConfigError([Problem("autopilot.instance", text, "fewer --workers")])
+            raise ConfigError.at("autopilot.instance", text, "fewer --workers")
         update["autopilot"] = config.autopilot.model_copy(update={"instance": instance})
     if companion.start and companion.clients <= len(companion.start):
         update["companion"] = companion.model_copy(update={"port": 0})
     elif companion.on and instances:
         text = f"awaits {companion.clients} clients, of which the bench starts {len(companion.start)}"
-        raise ConfigError([Problem("companion.clients", text, "one flight at a time has its port: --workers 1")])
+        raise ConfigError.at("companion.clients", text, "one flight at a time has its port: --workers 1")
 
     def shifted(address: str | None) -> str | None:
         return address and f"{address.rpartition(':')[0]}:{endpoint_port(address) + move}"

@@ -29,7 +29,7 @@ from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
 from hil.run_files import SUMMARY_NAME
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, file_errors
 from signals.processors import usable_processors
 from signals.words import counted
 
@@ -71,7 +71,7 @@ def shrink_case(prefix: str, options: ShrinkOptions, console: Console) -> Shrunk
         base = store.base()
         if base is None:
             text = f"{shown_path(folder)} does not tell its base bench: it was made by an earlier version"
-            raise ConfigError([Problem("CASE", text, "`hil campaign FILE --resume` adds it")])
+            raise ConfigError.at("CASE", text, "`hil campaign FILE --resume` adds it")
         with closing(LocalEngine(options.workers or usable_processors())) as engine:
             trials = Trials(store, engine, base[0], folder)
             shrinking = Shrinking(trials, texts, outcome, base[1], folder / SHRUNK)
@@ -99,7 +99,7 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
     out = options.out or CAMPAIGNS / f"{file.name}-search"
     if (out / STORE_NAME).is_file() and not options.resume:
         hint = "repeat the search with --resume, which flies no stored case again, or name another folder with --out"
-        raise ConfigError([Problem(str(out), "holds a campaign or a search", hint)])
+        raise ConfigError.at(str(out), "holds a campaign or a search", hint)
     check_name(out, _search_name(file))
     workers, began_s = options.workers or max(1, usable_processors() // file.spec.cores), time.monotonic()
     engine = LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
@@ -130,12 +130,12 @@ def _folder_of(prefix: str) -> Path:
         text = f"{prefix} is a case of {len(found)} campaigns: {', '.join(map(str, found))}"
     else:
         text = f"no campaign in {CAMPAIGNS}/ has a case that begins with {prefix!r}"
-    raise ConfigError([Problem("CASE", text, "name the folder of the campaign with --out")])
+    raise ConfigError.at("CASE", text, "name the folder of the campaign with --out")
 
 
 def _require_campaign(folder: Path) -> None:
     if not (folder / STORE_NAME).is_file():
-        raise ConfigError([Problem("--out", f"{shown_path(folder)} holds no campaign: there is no {STORE_NAME}")])
+        raise ConfigError.at("--out", f"{shown_path(folder)} holds no campaign: there is no {STORE_NAME}")
 
 
 def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome, tuple[str, ...]]:
@@ -144,20 +144,20 @@ def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome
         names = ", ".join(case for case, *_ in found[:4]) + (", ..." if len(found) > 4 else "")
         text = f"begins {len(found)} cases: {names}" if found else "is not a case"
         hint = "give more digits" if found else "results.csv has the cases in its first column"
-        raise ConfigError([Problem("CASE", f"{prefix!r} {text} of {shown_path(folder)}", hint)])
+        raise ConfigError.at("CASE", f"{prefix!r} {text} of {shown_path(folder)}", hint)
     case, outcome, texts = found[0]
     if outcome.status == "ERROR":
         text = f"{case} is an ERROR, which says nothing about the vehicle: {outcome.error_type}: {outcome.error}"
-        raise ConfigError([Problem("CASE", text, "only a FAIL can be made smaller")])
+        raise ConfigError.at("CASE", text, "only a FAIL can be made smaller")
     if outcome.status == "FAIL" and objective(outcome) is None:
         text = f"{case} says nothing about the vehicle: {outcome.reasons[0]}"
-        raise ConfigError([Problem("CASE", text, "only a FAIL of the vehicle can be made smaller")])
+        raise ConfigError.at("CASE", text, "only a FAIL of the vehicle can be made smaller")
     if not way_of_failing(outcome):
-        raise ConfigError([Problem("CASE", f"{case} is a PASS: there is no failure to make smaller")])
+        raise ConfigError.at("CASE", f"{case} is a PASS: there is no failure to make smaller")
     difference = store.difference(case)
     if difference:
         text = f"{case} is a FLAKE, it does not repeat: {difference}"
-        raise ConfigError([Problem("CASE", text, "find what differs first: docs/determinism.md")])
+        raise ConfigError.at("CASE", text, "find what differs first: docs/determinism.md")
     return case, outcome, texts
 
 
@@ -178,11 +178,9 @@ def _write(path: Path, case: str, outcome: Outcome, found: Shrunk, bench: Path |
         "set": list(found.texts),
         "command": _command(bench, found),
     }
-    try:
+    with file_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_run_json(path, data)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def _command(bench: Path | None, found: Shrunk) -> str:

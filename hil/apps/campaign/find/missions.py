@@ -10,7 +10,7 @@ from hil.config import Bench
 from hil.config.bench import site_of
 from hil.config.missions import Geopoint, Mission, load_mission
 from hil.config.missions.mission import JUMP, POSITION_FRAMES, WAYPOINT, WAYPOINT_COMMANDS
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.mission import MissionItem
 
 
@@ -34,11 +34,9 @@ def write_cut(mission: Mission, keep: Sequence[MissionItem], bench: Bench, folde
     kept = [item for item in mission.items if item.command not in WAYPOINT_COMMANDS or item in keep]
     text = waypoints_text(kept, mission.planned_home or site_of(bench.scene))
     path = folder / f"{name or hashlib.blake2b(text.encode(), digest_size=8).hexdigest()}.waypoints"
-    try:
+    with file_errors(path):
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
     return path.resolve()
 
 

@@ -24,7 +24,7 @@ from hil.apps.campaign.find.trials import Trial, Trials
 from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.store import Store
-from signals.errors import ConfigError, HilError, Problem
+from signals.errors import ConfigError, HilError
 
 INSTALL = "pip install 'hil-bench[campaign]'"
 UNJUDGED = 1.0  # objective of a PASS in which nothing was judged: as far from a limit as can be
@@ -42,7 +42,7 @@ class Search:
         self._optuna = _optuna()
         if not plan.axes:
             text = "varies nothing to search in"
-            raise ConfigError([Problem(file.document.source, text, "give axes in the section axes or sampled")])
+            raise ConfigError.at(file.document.source, text, "give axes in the section axes or sampled")
         self._file, self._plan = file, plan
         self._space = _space(self._optuna, file)
         with warnings.catch_warnings():
@@ -136,7 +136,7 @@ def _optuna() -> Any:
     try:
         import optuna
     except ImportError as error:
-        raise ConfigError([Problem("hil campaign search", f"needs optuna ({error})", INSTALL)]) from None
+        raise ConfigError.at("hil campaign search", f"needs optuna ({error})", INSTALL) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna
 
@@ -157,9 +157,9 @@ def _samplers(optuna: Any, name: str, seed: int) -> list[Any]:
             import torch  # noqa: F401
         except ImportError as error:
             hint = "pip install torch, or use --sampler tpe"
-            raise ConfigError([Problem("--sampler gp", f"needs PyTorch ({error})", hint)]) from None
+            raise ConfigError.at("--sampler gp", f"needs PyTorch ({error})", hint) from None
         return [anywhere, of.GPSampler(seed=seed, deterministic_objective=True)]
-    raise ConfigError([Problem("--sampler", f"is unknown: {name!r}", ", ".join(SAMPLERS))])
+    raise ConfigError.at("--sampler", f"is unknown: {name!r}", ", ".join(SAMPLERS))
 
 
 def _space(optuna: Any, file: CampaignFile) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from hil.apps.campaign.find.missions import mission_to_cut, write_cut
 from hil.apps.campaign.find.parts import Data, Part, data_of, parts_of, with_inherited, without
 from hil.apps.campaign.find.trials import Texts, Trials
 from hil.apps.campaign.flight import Outcome
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.mission import MissionItem
 from signals.words import counted
 
@@ -81,7 +81,7 @@ class Shrinking:
             now = again.reasons[0] if again.reasons else again.error or again.status
             text = f"does not repeat: it was stored as {self._outcome.reasons[0]!r}, and is now {again.status} ({now})"
             hint = "was the bench, a file or the program changed? `hil campaign FILE --resume` flies changed cases"
-            raise ConfigError([Problem("CASE", text, hint)])
+            raise ConfigError.at("CASE", text, hint)
         if not self._outcome.repeatable:
             self._found.notes.append("flights of this bench do not repeat exactly, and each trial was one flight")
 

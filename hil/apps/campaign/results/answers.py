@@ -16,7 +16,7 @@ from hil.apps.campaign.results.junit import JUNIT_NAME, junit_cases
 from hil.apps.campaign.results.page import Facts, write_page
 from hil.apps.campaign.results.summary import Summary
 from hil.run_files import SUMMARY_NAME
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 _LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
 
@@ -69,7 +69,7 @@ def check_name(folder: Path, name: str) -> None:
         return  # the folder is new, or was left before anything was written
     if other != name:
         message = f"holds {other!r}, and this is {name!r}: a file of that name continues it"
-        raise ConfigError([Problem(str(folder), message, "name another folder with --out")])
+        raise ConfigError.at(str(folder), message, "name another folder with --out")
 
 
 def facts_of(campaign: Campaign) -> dict[str, Any]:

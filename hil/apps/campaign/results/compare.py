@@ -21,7 +21,7 @@ from hil.apps.campaign.results.groups import value_text
 from hil.apps.campaign.results.statistics import STATUSES, Z_95, Tally
 from hil.apps.campaign.results.tables import LINES_NAME
 from hil.run_files import SUMMARY_NAME
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 
 _MOST_SETTINGS = 20
 
@@ -160,7 +160,7 @@ def compare_campaigns(first: Path, second: Path, *, partial: bool = False) -> Co
         _add_pair(result, ours[key], theirs[key])
     if not result.pairs:
         hint = f"axes without a common value: {', '.join(result.left_out) or 'none'}"
-        raise ConfigError([Problem(str(second), f"has no case with the same axes as one of {first}", hint)])
+        raise ConfigError.at(str(second), f"has no case with the same axes as one of {first}", hint)
     result.alone = len(ours) - result.pairs, len(theirs) - result.pairs
     folders, summaries = (first, second), (_summary(first), _summary(second))
     pairs = zip(folders, summaries, strict=True)
@@ -211,8 +211,7 @@ def _by_values(folder: Path, axes: Sequence[str], left_out: Sequence[str]) -> di
             text = "has several cases, and no axis with a value in common with the other folder: nothing makes pairs"
             if axes:
                 text = f"has several cases with the same {', '.join(axes)}: {found[key].id} and {flown.id}"
-            hint = f"without a common value: {', '.join(left_out)}"
-            raise ConfigError([Problem(str(folder), text, hint)])
+            raise ConfigError.at(str(folder), text, f"without a common value: {', '.join(left_out)}")
         found[key] = flown
     return found
 
@@ -225,7 +224,7 @@ def _cases(folder: Path) -> Iterator[Flown]:
     """Yield the cases of a campaign from its results.jsonl. Raises ConfigError or RecordingError."""
     path = folder / LINES_NAME
     if not path.is_file():
-        raise ConfigError([Problem(str(path), "does not exist", "give the folders of two campaigns that were flown")])
+        raise ConfigError.at(str(path), "does not exist", "give the folders of two campaigns that were flown")
     number = 0
     try:
         with path.open(encoding="utf-8") as file:
@@ -239,7 +238,7 @@ def _cases(folder: Path) -> Iterator[Flown]:
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise RecordingError(f"{path}:{number}: damaged: {error}. hil campaign FILE --resume writes it anew") from error
     if not number:
-        raise ConfigError([Problem(str(path), "holds no case", "hil campaign FILE --resume writes it anew")])
+        raise ConfigError.at(str(path), "holds no case", "hil campaign FILE --resume writes it anew")
 
 
 def _summary(folder: Path) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from rich.table import Table
 from hil.apps.campaign.results.compare import Change, Comparison, axes_text, compare_campaigns
 from hil.apps.campaign.results.groups import shortened
 from hil.run.report.run_json import write_run_json
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.words import counted
 
 _MOST_SHOWN = 20
@@ -23,7 +23,7 @@ def run_compare(first: Path, second: Path, json_file: Path | None, console: Cons
     It is 0 if no case became worse, else 1; also 1 for cases without a partner or a verdict, unless `partial`.
     """
     if first.resolve() == second.resolve():
-        raise ConfigError([Problem(str(second), "is named twice: no case can be worse than itself")])
+        raise ConfigError.at(str(second), "is named twice: no case can be worse than itself")
     comparison = compare_campaigns(first, second, partial=partial)
     if json_file is not None:
         write_run_json(json_file, comparison.data())

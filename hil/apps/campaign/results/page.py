@@ -13,13 +13,14 @@ from hil.apps.campaign.results.again import replay_command, run_command
 from hil.apps.campaign.results.groups import shortened, value_text
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Summary, separation
+from hil.apps.campaign.results.tables import KEPT
 from hil.apps.campaign.store import Case
 from hil.run.report.html import table
 from hil.run.report.page import CSS
 from hil.run.report.row_search import SCRIPT
 from hil.run.runs.progress import minutes
 from hil.run_files import PAGE_NAME
-from signals.errors import RecordingError
+from signals.errors import file_errors
 from signals.words import counted
 
 _MOST_PAIRS = 12
@@ -45,11 +46,8 @@ class Facts:
 
 def write_page(facts: Facts, summary: Summary) -> None:
     """Write report.html and its pictures into the folder of the campaign. Raises RecordingError."""
-    try:
+    with file_errors(facts.folder, "the report cannot be written", hint=KEPT):
         (facts.folder / PAGE_NAME).write_text(_page(facts, summary), encoding="utf-8", errors="replace")
-    except OSError as error:
-        text = f"{facts.folder}: the report cannot be written ({error.strerror or error})"
-        raise RecordingError(f"{text}. The flights are stored; continue with --resume") from error
 
 
 def _page(facts: Facts, summary: Summary) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.store import Case
 from hil.run.report.run_json import write_run_json
-from signals.errors import RecordingError
+from signals.errors import file_errors
 
 CSV_NAME, LINES_NAME = "results.csv", "results.jsonl"
 Sink = Callable[[Case], object]  # writes one case
@@ -102,14 +102,14 @@ def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:
     write_run_json(path, {"schema": 1, **counts, "flake": tally.flakes, "pass_rate": rate, **more})
 
 
+KEPT = ". The flights are stored; continue with --resume"
+
+
 @contextmanager
 def written(path: Path) -> Iterator[TextIOWrapper]:
     """Write a file as a whole: a reader sees the old one or the new one. Raises RecordingError."""
     temporary = path.with_name(path.name + ".part")
-    try:
+    with file_errors(path, hint=KEPT):
         with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
             yield file
         temporary.replace(path)
-    except OSError as error:
-        text = f"{path}: cannot be written ({error.strerror or error}). The flights are stored; continue with --resume"
-        raise RecordingError(text) from error

@@ -14,7 +14,7 @@ import uvicorn
 
 from firmware_bridge.transports.loopback_host import is_loopback
 from hil.apps.dash.server.app import Dashboard
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 
 _LARGEST_SOCKET_MESSAGE = 65_536
 _UNREAD_LIMIT_MS = 30_000  # a connection whose peer reads nothing for so long is closed
@@ -27,13 +27,13 @@ def open_port(host: str, port: int, option: str) -> socket.socket:
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, UnicodeError) as error:
-        raise ConfigError([Problem(name, f"no such address ({error})")]) from error
+        raise ConfigError.at(name, f"no such address ({error})") from error
     try:
         listening = socket.create_server((str(address[0]), int(address[1])), family=family, backlog=64)
     except OSError as error:
         reason = error.strerror or str(error)
         message, hint = f"the dashboard cannot listen there ({reason})", f"choose another with {option}; 0 takes any"
-        raise ConfigError([Problem(name, message, hint)]) from error
+        raise ConfigError.at(name, message, hint) from error
     if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; connections inherit it
         listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNREAD_LIMIT_MS)
     return listening

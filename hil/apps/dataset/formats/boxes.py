@@ -14,8 +14,6 @@ points, points inside []        of a sweep: points on the object; points of anyt
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -84,10 +82,3 @@ def sweep_csv(objects: Sequence[SweptObject], catalogue: Catalogue) -> bytes:
 def _columns(instance: int, class_id: int, box: ObjectBox, catalogue: Catalogue) -> str:
     numbers = [*box.centre_W.tolist(), *box.size_m.tolist(), box.yaw_rad, *box.v_W.tolist()]
     return f"{instance},{class_id},{catalogue.classes.name(class_id)}," + ",".join(f"{n + 0.0:.6f}" for n in numbers)
-
-
-def read_boxes(data: bytes) -> list[dict[str, str]]:
-    """Return the rows of a file by the names of its columns, without their units."""
-    rows = list(csv.reader(io.StringIO(data.decode())))
-    names = [name.partition(" [")[0] for name in rows[0]]
-    return [dict(zip(names, row, strict=True)) for row in rows[1:]]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.dataset.formats.boxes import SeenObject
+from hil.run.report.channel_images import bgr_png
 from signals.classes import Classes
 from signals.rotation import matrix_of
 from signals.samples import ImageSample, PointCloudSample
@@ -47,7 +48,7 @@ def picture_with_boxes(
                 if np.isfinite([*start, *end]).all() and np.abs([*start, *end]).max() < 1e5:
                     cv2.line(shown, _pixel(start), _pixel(end), colour, 1, cv2.LINE_AA)
     _name(shown, objects, scale, classes)
-    return _png(shown)
+    return bgr_png(shown)
 
 
 def sweep_with_boxes(
@@ -78,7 +79,7 @@ def sweep_with_boxes(
         cv2.polylines(shown, [np.round(corner).astype(np.int32)], True, colour, 1, cv2.LINE_AA)
         ends = pixels(np.array([box.centre_W, box.centre_W + 0.5 * box.size_m[0] * box.axes_W[0]]))
         cv2.line(shown, _pixel(ends[0]), _pixel(ends[1]), colour, 1, cv2.LINE_AA)
-    return _png(shown)
+    return bgr_png(shown)
 
 
 def _name(shown: NDArray[Any], objects: Sequence[SeenObject], scale: int, classes: Classes) -> None:
@@ -105,9 +106,3 @@ def _bgr(classes: Classes, class_id: int) -> tuple[int, int, int]:
     red, green, blue = classes.colours[class_id]
     lift = max(0, 140 - max(red, green, blue))
     return min(blue + lift, 255), min(green + lift, 255), min(red + lift, 255)
-
-
-def _png(bgr: NDArray[Any]) -> bytes:
-    encoded, data = cv2.imencode(".png", bgr)
-    assert encoded
-    return data.tobytes()

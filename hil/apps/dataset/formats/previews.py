@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.dataset.formats.labels import PictureLabels
-from hil.run.report.channel_images import channel_image
+from hil.run.report.channel_images import bgr_png, channel_image
 from signals.channels import CHANNELS
 from signals.classes import Classes
 from sim.frame.camera_model import CameraModel
@@ -122,9 +122,7 @@ def radar_picture(
             d_C = np.array([[-across * math.sin(o.azimuth_rad), -up, across * math.cos(o.azimuth_rad)]])
             x, y = (camera.project(d_C)[0] * (_RADAR_PX / camera.height)).tolist()
             _mark(picture, x, y, text, in_picture)
-    encoded, data = cv2.imencode(".png", np.hstack(sides))
-    assert encoded
-    return data.tobytes()
+    return bgr_png(np.hstack(sides))
 
 
 def _mark(bgr: NDArray[Any], x: float, y: float, text: str, rows_used: list[tuple[int, int]]) -> None:

@@ -10,7 +10,7 @@ from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
 from hil.apps.dataset.plan import DatasetPlan
-from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
+from hil.apps.dataset.storage.tables import TABLES, TRUTH, other_truth
 from hil.config import SensorConfig
 from hil.config.sensors.radar_checks import view_of
 from hil.run.recorder.frame_description import FrameDescription
@@ -46,8 +46,8 @@ def headers(plan: DatasetPlan) -> dict[str, str]:
     lines = {TRUTH: euroc.TRUTH_HEADER}
     lines |= {other_truth(name): euroc.TRUTH_HEADER for name in plan.other_vehicles}
     for name, sensor in plan.flight_sensors.items():
-        lines[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
-    lines |= dict.fromkeys(_skies(plan).values(), HEADERS[SkySample])
+        lines[plan.folder(name)] = TABLES[KINDS[sensor.kind].sample_type][0]
+    lines |= dict.fromkeys(_skies(plan).values(), TABLES[SkySample][0])
     for name, sensor in plan.frame_sensors.items():
         parts = KINDS[sensor.kind].parts
         for channel in getattr(sensor.parameters, parts) if parts else ("",):

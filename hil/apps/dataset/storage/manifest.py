@@ -21,7 +21,7 @@ from hil.config.saved import save_with_vehicles
 from hil.data_set_files import MANIFEST
 from hil.run_files import BENCH_NAME
 from signals.documents.yaml_lines import parse_yaml
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, file_errors
 
 FORMAT = 4
 LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
@@ -63,12 +63,10 @@ def saved_bench(plan: DatasetPlan) -> dict[str, bytes]:
     """Return the bench as files, by name. Raises RecordingError if no temporary folder can be written."""
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as name:
         folder = Path(name)
-        try:
+        with file_errors(folder, "the bench cannot be saved here"):
             save_with_vehicles(plan.group or plan.bench, folder)
             paths = sorted(path for path in folder.rglob("*") if path.is_file())
             return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
-        except OSError as error:
-            raise RecordingError(f"{folder}: the bench cannot be saved here ({error.strerror or error})") from error
 
 
 def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mapping[str, bytes]) -> None:
@@ -81,10 +79,10 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
         assert isinstance(earlier, dict)
     except FileNotFoundError:
         hint = "give the folder of an earlier `hil dataset`, or leave out --resume and choose an empty one"
-        raise ConfigError([Problem(str(root), f"holds no data set: there is no {MANIFEST} in it", hint)]) from None
+        raise ConfigError.at(str(root), f"holds no data set: there is no {MANIFEST} in it", hint) from None
     except (OSError, ValueError, KeyError, AssertionError):
         hint = "make the data set again in another folder"
-        raise ConfigError([Problem(str(path), "is not a manifest of `hil dataset`", hint)]) from None
+        raise ConfigError.at(str(path), "is not a manifest of `hil dataset`", hint) from None
     problems = []
     for key, value in made_from.items():
         if key in ("config_sha256", *_MAY_DIFFER) or earlier.get(key) == value:
@@ -146,6 +144,6 @@ def require_empty(root: Path) -> None:
     try:
         if root.exists() and (not root.is_dir() or any(os.scandir(root))):
             hint = "choose another --out, or continue the data set in it with --resume"
-            raise ConfigError([Problem(f"--out {root}", "is not an empty folder", hint)])
+            raise ConfigError.at(f"--out {root}", "is not an empty folder", hint)
     except OSError as error:
-        raise ConfigError([Problem(f"--out {root}", f"cannot be listed ({error.strerror or error})")]) from None
+        raise ConfigError.at(f"--out {root}", f"cannot be listed ({error.strerror or error})") from None

@@ -18,7 +18,7 @@ from mcap.records import Channel, Schema
 
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
-from hil.apps.dataset.storage.tree import INCOMPLETE, TreeWriter, unwritable
+from hil.apps.dataset.storage.tree import INCOMPLETE, TreeWriter, unwritable, writes
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import schema_text
@@ -228,10 +228,8 @@ class DatasetRecording:
         self._mcap.finish(0)
         self._safe.truncate()
         self.close()
-        try:
+        with writes(self._path):
             os.rename(self._path, self._root / MCAP_NAME)
-        except OSError as error:
-            raise unwritable(self._path, error) from error
 
     def close(self) -> None:
         """Close the file. Idempotent."""

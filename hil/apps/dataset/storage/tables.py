@@ -21,7 +21,7 @@ from pathlib import Path
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.storage.journal import BatchRecord
-from hil.apps.dataset.storage.tree import Written, make_folder, unwritable
+from hil.apps.dataset.storage.tree import Written, make_folder, writes
 from hil.run.recorder.mcap.topics import Columns
 from signals.errors import RecordingError
 from signals.samples import (
@@ -41,50 +41,42 @@ from signals.samples import (
 PERIOD_S = 2.0  # wall-clock time between checkpoints; a power cut can lose the rows of one period
 TABLE = "data.csv"
 TRUTH = "state_groundtruth_estimate0"
-MAG_HEADER = "#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]"
-BARO_HEADER = "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [degC]"
-RANGE_HEADER = "#timestamp [ns],distance [m],quality []"
-PITOT_HEADER = "#timestamp [ns],differential_pressure [Pa],temperature [degC]"
-VANE_HEADER = "#timestamp [ns],angle_of_attack [rad],sideslip [rad]"
-SCALAR_HEADER = "#timestamp [ns],value"
-FLOW_HEADER = "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []"
-ODOMETRY_HEADER = (
-    "#timestamp [ns],p_OB_O_x [m],p_OB_O_y [m],p_OB_O_z [m],q_OB_w [],q_OB_x [],q_OB_y [],q_OB_z [],"
-    "v_OB_B_x [m s^-1],v_OB_B_y [m s^-1],v_OB_B_z [m s^-1]"
-)
-SKY_HEADER = (
-    "#timestamp [ns],hdop [],vdop [],pdop [],in_view [],visible [],used [],reflected [],mean_cn0 [dB-Hz],jamming [dB],"
-    "spoofed [],shift_x [m],shift_y [m],shift_z [m]"
-)
 
-HEADERS: Mapping[type, str] = {
-    ImuSample: euroc.IMU_HEADER,
-    GpsSample: euroc.GPS_HEADER,
-    MagSample: MAG_HEADER,
-    BaroSample: BARO_HEADER,
-    RangeSample: RANGE_HEADER,
-    DifferentialPressureSample: PITOT_HEADER,
-    VaneSample: VANE_HEADER,
-    ScalarSample: SCALAR_HEADER,
-    FlowSample: FLOW_HEADER,
-    OdometrySample: ODOMETRY_HEADER,
-    SkySample: SKY_HEADER,
-}
-
-COLUMNS: Mapping[type, euroc.TableColumns] = {
-    ImuSample: euroc.IMU_COLUMNS,
-    GpsSample: euroc.GPS_COLUMNS,
-    MagSample: ("field_tesla",),
-    BaroSample: ("pressure_pa", "pressure_altitude_m", "temperature_degc"),
-    RangeSample: ("distance_m", "quality"),
-    DifferentialPressureSample: ("differential_pressure_pa", "temperature_degc"),
-    VaneSample: ("angle_of_attack_rad", "sideslip_rad"),
-    ScalarSample: ("value",),
-    FlowSample: ("integration_ns", "flow_rad", "quality"),
-    OdometrySample: ("p_OB", "q_OB", "v_OB_B"),
+# Of each sample type: the first line of its table, and its columns.
+TABLES: Mapping[type, tuple[str, euroc.TableColumns]] = {
+    ImuSample: (euroc.IMU_HEADER, euroc.IMU_COLUMNS),
+    GpsSample: (euroc.GPS_HEADER, euroc.GPS_COLUMNS),
+    MagSample: ("#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]", ("field_tesla",)),
+    BaroSample: (
+        "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [degC]",
+        ("pressure_pa", "pressure_altitude_m", "temperature_degc"),
+    ),
+    RangeSample: ("#timestamp [ns],distance [m],quality []", ("distance_m", "quality")),
+    DifferentialPressureSample: (
+        "#timestamp [ns],differential_pressure [Pa],temperature [degC]",
+        ("differential_pressure_pa", "temperature_degc"),
+    ),
+    VaneSample: (
+        "#timestamp [ns],angle_of_attack [rad],sideslip [rad]",
+        ("angle_of_attack_rad", "sideslip_rad"),
+    ),
+    ScalarSample: ("#timestamp [ns],value", ("value",)),
+    FlowSample: (
+        "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []",
+        ("integration_ns", "flow_rad", "quality"),
+    ),
+    OdometrySample: (
+        "#timestamp [ns],p_OB_O_x [m],p_OB_O_y [m],p_OB_O_z [m],q_OB_w [],q_OB_x [],q_OB_y [],q_OB_z [],"
+        "v_OB_B_x [m s^-1],v_OB_B_y [m s^-1],v_OB_B_z [m s^-1]",
+        ("p_OB", "q_OB", "v_OB_B"),
+    ),
     SkySample: (
-        *("hdop", "vdop", "pdop", "in_view", "visible", "used", "reflected", "mean_cn0_dbhz", "jamming_db", "spoofed"),
-        "shift_W_m",
+        "#timestamp [ns],hdop [],vdop [],pdop [],in_view [],visible [],used [],reflected [],mean_cn0 [dB-Hz],"
+        "jamming [dB],spoofed [],shift_x [m],shift_y [m],shift_z [m]",
+        (
+            *("hdop", "vdop", "pdop", "in_view", "visible", "used", "reflected", "mean_cn0_dbhz", "jamming_db"),
+            *("spoofed", "shift_W_m"),
+        ),
     ),
 }
 
@@ -145,10 +137,8 @@ class Tables:
         for table in self._tables.values():
             path = root / table.path
             make_folder(path.parent)
-            try:
+            with writes(path):
                 path.unlink(missing_ok=True)
-            except OSError as error:
-                raise unwritable(path, error) from error
 
     @property
     def rows(self) -> dict[str, int]:
@@ -161,7 +151,7 @@ class Tables:
         for name, truths in data.others.items():
             self._tables[other_truth(name)].add_samples(truths, euroc.TRUTH_COLUMNS)
         for port, samples in data.samples.items():
-            self._tables[self._flight_folders[port]].add_samples(samples.columns, COLUMNS[samples.kind])
+            self._tables[self._flight_folders[port]].add_samples(samples.columns, TABLES[samples.kind][1])
 
     def add_files(self, record: BatchRecord) -> None:
         """Add a row per file in a data/ folder."""
@@ -188,7 +178,7 @@ class Tables:
         for name, text in texts.items():
             table, data = by_path[name], text.encode()
             path = self._root / name
-            try:
+            with writes(path):
                 file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
                 try:
                     if os.write(file, data) != len(data):
@@ -196,8 +186,6 @@ class Tables:
                         raise OSError("the file system took no more bytes")
                 finally:
                     os.close(file)
-            except OSError as error:
-                raise unwritable(path, error) from error
             table.size += len(data)
             table.crc32 = zlib.crc32(data, table.crc32)
 
@@ -208,7 +196,7 @@ class Tables:
 
 def sync_file_system(folder: Path) -> None:
     """Flush the file system of `folder` to the disk. Raises RecordingError if that fails."""
-    try:
+    with writes(folder):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             syncfs = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
@@ -219,8 +207,6 @@ def sync_file_system(folder: Path) -> None:
                 raise OSError(error, os.strerror(error))
         finally:
             os.close(descriptor)
-    except OSError as error:
-        raise unwritable(folder, error) from error
 
 
 class Checkpoints:

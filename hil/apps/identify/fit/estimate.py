@@ -136,7 +136,7 @@ def _not_of_the_model(vehicle: Vehicle) -> set[int]:
 
 def fit_windows(
     flights: Sequence[FlightLog], vehicle: Vehicle, *, fixed: Mapping[str, float], parts: Callable[[float], bool],
-    progress: Callable[[float, str], None], calm: bool = False,
+    progress: Callable[[float, str], None],
 ) -> tuple[FlightModel, list[at.Unknown], Solution]:  # fmt: skip
     """Fit the windows that `parts` accepts; first a few of them, from which the others converge in a few iterations."""
     kind = flights[0].motors_kind
@@ -144,7 +144,7 @@ def fit_windows(
     unknowns = at.vehicle_unknowns(vehicle)
     nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0
     for log in flights:
-        unknowns += at.log_unknowns(log.name, calm=calm)
+        unknowns += at.log_unknowns(log.name)
     model = make_model(vehicle, unknowns, kind=kind, step_s=step_s)
     free = free_unknowns(flights, vehicle, unknowns, fixed)
     start = np.array([u.inverse(fixed[u.key]) if u.key in fixed else 0.0 for u in unknowns])

@@ -174,15 +174,14 @@ def vehicle_unknowns(vehicle: Vehicle) -> list[Unknown]:
     return found
 
 
-def log_unknowns(name: str, *, calm: bool) -> list[Unknown]:
-    """Return the unknowns of one log, `LOG_COUNT` of them. `calm`: flown indoors, where no wind blows."""
-    wind_mps = 0.05 if calm else 3.0
+def log_unknowns(name: str) -> list[Unknown]:
+    """Return the unknowns of one log, `LOG_COUNT` of them."""
     key = f"log.{name}"
     axes = "xyz"
     found = [
         Unknown(f"{key}.motor_delay_s", 0.0, "s", 0.03, "plus", "sudden turns"),
         *(
-            Unknown(f"{key}.wind_{a}_mps", 0.0, "m/s", wind_mps if a != "z" else 0.3 * wind_mps, "plus", "turn in wind")
+            Unknown(f"{key}.wind_{a}_mps", 0.0, "m/s", 3.0 if a != "z" else 0.3 * 3.0, "plus", "turn in wind")
             for a in axes
         ),
         Unknown(f"{key}.pose_delay_s", 0.0, "s", 0.03, "plus", "fast manoeuvres"),

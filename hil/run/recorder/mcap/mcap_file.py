@@ -41,7 +41,7 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from hil.run.recorder.mcap.topics import WORLD
-from signals.errors import RecordingError
+from signals.errors import RecordingError, file_errors
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "hil-bench"
@@ -164,10 +164,8 @@ class SafeFile:
         self.path = path
         self.size = 0
         self.broken = False
-        try:
+        with file_errors(path, "cannot be created"):
             self._file = open_file(path)
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be created ({error.strerror or error})") from error
 
     def write(self, data: bytes, tick: int) -> bool:
         """Write `data`, which are complete records. Return False after an earlier failure."""

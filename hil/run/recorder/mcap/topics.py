@@ -334,21 +334,11 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
         name: np.array([row[i] for row in rows]) if column is None else column
         for i, (name, column) in enumerate(zip(names, sample_columns(rows), strict=True))
     }
-    if kind in (TruthState, FollowedSample):
+    if kind in (TruthState, FollowedSample):  # many rows, which numpy turns faster
         columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
-    elif kind is GpsSample:
-        covariance = np.zeros((len(rows), 9))
-        covariance[:, 0] = covariance[:, 4] = np.square(columns["horizontal_accuracy_m"])
-        covariance[:, 8] = np.square(columns["vertical_accuracy_m"])
-        columns["position_covariance_m2"] = covariance
-        columns["status"] = np.where(columns["fix_type"] >= _FIX_3D, _FIX, _NO_FIX)
-    elif kind is OdometrySample:
-        columns["q_OB_xyzw"] = columns["q_OB"][:, [1, 2, 3, 0]]
-        columns["pose_covariance"] = np.array([_pose_covariance(row) for row in rows])
-        columns["twist_covariance"] = np.array([_twist_covariance(row) for row in rows])
-    elif kind is RangeSample:
-        columns["range_m"] = np.where(columns["quality"] > 0, columns["distance_m"], np.inf)
-        columns["variance"] = np.square(columns["sigma_m"])
+    else:
+        derived = {name: value for (of, name), value in _DERIVED.items() if of is kind}
+        columns |= {name: np.array([value(row) for row in rows]) for name, value in derived.items()}
     if kind is TruthState or kind is ActuatorFrame:
         columns["seq"] = columns["tick"]
         columns["stamp_ns"] = columns["available_ns"] = columns["t_ns"] + later_ns
@@ -360,8 +350,8 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
 
 
 def _covariance_m2(gps: GpsSample) -> tuple[float, ...]:
-    h, v = gps.horizontal_accuracy_m**2, gps.vertical_accuracy_m**2
-    return (h, 0.0, 0.0, 0.0, h, 0.0, 0.0, 0.0, v)
+    h, v = gps.horizontal_accuracy_m, gps.vertical_accuracy_m
+    return (h * h, 0.0, 0.0, 0.0, h * h, 0.0, 0.0, 0.0, v * v)
 
 
 def _diagonal(*variances: float) -> tuple[float, ...]:
@@ -382,7 +372,7 @@ def _xyzw(truth: TruthState | FollowedSample) -> tuple[float, float, float, floa
     return x, y, z, w
 
 
-# The derived columns above for one sample, as plain numbers: by type of sample and column.
+# Derived columns of one sample, as plain numbers: by type of sample and column.
 _DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
     (TruthState, "q_WB_xyzw"): _xyzw,
     (FollowedSample, "q_WB_xyzw"): _xyzw,
@@ -393,7 +383,7 @@ _DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
     (OdometrySample, "pose_covariance"): _pose_covariance,
     (OdometrySample, "twist_covariance"): _twist_covariance,
     (RangeSample, "range_m"): lambda sample: sample.distance_m if sample.quality > 0 else math.inf,
-    (RangeSample, "variance"): lambda sample: sample.sigma_m**2,
+    (RangeSample, "variance"): lambda sample: sample.sigma_m * sample.sigma_m,
     (BatteryState, "drawn_a"): lambda battery: -battery.current_a,  # negative while discharging
     (BatteryState, "degc"): lambda battery: _NAN if battery.temperature_degc is None else battery.temperature_degc,
     (BatteryState, "none"): lambda battery: (),  # noqa: ARG005

@@ -12,7 +12,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from hil_companion.errors import CutError, OptionError
+from hil_companion.errors import CutError, OptionError, file_errors
 from hil_companion.frame import Frame, Sample
 from hil_companion.link.protocol import Welcome
 
@@ -81,13 +81,11 @@ class Record:
         if self.frames >= self._keep_frames or self.bytes + size > self._keep_bytes:
             self.full = True
             return
-        try:
+        with file_errors(f"{self._out}: cannot be written"):
             for name, array in arrays.items():
                 np.save(self._out / ARRAYS_NAME / name, array, allow_pickle=False)
             self._index.write(line)  # after the arrays, so that a line implies complete arrays
             self._index.flush()
-        except OSError as error:
-            raise CutError(f"{self._out}: cannot be written ({error.strerror or error})") from error
         self.frames += 1
         self.bytes += size
         self.full = self.frames >= self._keep_frames

@@ -69,7 +69,6 @@ class Explorer:
         *,
         mapped_W: tuple[float, float, float, float] | None = None,
         lidar: str = "lidar",
-        imu: str = "imu",
     ) -> None:
         """Prepare a flight. `mapped_W`: x and y of two corners of the area that the localiser maps."""
         self.settings, self.goal_W = settings, goal_W
@@ -83,7 +82,7 @@ class Explorer:
         self._ground: Ground | None = None
         x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
         self._goal_off_map = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
-        self._senses = Senses(settings, calibration, lidar=lidar, imu=imu)
+        self._senses = Senses(settings, calibration, lidar=lidar)
         self._obstacles = MovingObstacles()
         self._router = Router(settings.move_goal_m)
         self._steering = Steering(settings)

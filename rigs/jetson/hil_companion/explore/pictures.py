@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hil_companion.errors import CutError
+from hil_companion.errors import file_errors
 from hil_companion.explore.explorer import Explorer
 from hil_companion.frame import Frame
 
@@ -53,10 +53,8 @@ class Pictures:
         self._film: Any = None
         self._count = 0
         self._camera_picture: np.ndarray | None = None
-        try:
+        with file_errors(f"explore: {folder} cannot be made"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CutError(f"explore: {folder} cannot be made ({error.strerror or error})") from error
 
     def add(self, explorer: Explorer, frame: Frame) -> None:
         """Draw and write a picture if the period has passed; call after every step."""
@@ -102,11 +100,9 @@ class Pictures:
 
     def _write(self, name: str, picture: np.ndarray) -> None:
         done, data = cv2.imencode(".png", picture)
-        try:
+        with file_errors(f"explore: {self._folder / name} cannot be written"):
             if done:
                 (self._folder / name).write_bytes(data.tobytes())
-        except OSError as error:
-            raise CutError(f"explore: {self._folder / name} cannot be written ({error.strerror or error})") from error
 
     def _draw(self, explorer: Explorer, frame: Frame) -> np.ndarray:
         plan_map, estimate = explorer.map, explorer.estimate

@@ -142,11 +142,9 @@ class SweepReader:
 class Senses:
     """Health of LiDAR and IMU and the newest sweep; call `update` for every frame with a known position."""
 
-    def __init__(
-        self, settings: FlightSettings, calibration: Mapping[str, Any] | None, *, lidar: str, imu: str
-    ) -> None:
+    def __init__(self, settings: FlightSettings, calibration: Mapping[str, Any] | None, *, lidar: str) -> None:
         self.near: Nearby | None = None  # the newest usable sweep
-        self._settings, self._lidar, self._imu = settings, lidar, imu
+        self._settings, self._lidar = settings, lidar
         self._reader = SweepReader(calibration, settings.slab_m)
         self._fresh = FreshSweeps()
         self._begun_ns: int | None = None
@@ -163,8 +161,8 @@ class Senses:
         if not self._fresh.is_new(sweep, now_ns=frame.t_ns, p_W=np.asarray(estimate.p_W, float)):
             return
         rate = 0.0
-        if self._imu in frame:
-            rows = np.asarray(frame[self._imu]["gyro_radps"], float).reshape(-1, 3)
+        if "imu" in frame:
+            rows = np.asarray(frame["imu"]["gyro_radps"], float).reshape(-1, 3)
             rate = float(np.mean(rows[:, 2])) if len(rows) and np.isfinite(rows).all() else 0.0
         near = self._reader.read(sweep, estimate, rate, self._settings.height_m)
         if near.usable >= _MIN_POINTS:

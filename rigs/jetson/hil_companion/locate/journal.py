@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any, Sequence
 
 from hil_companion.detections import Found
-from hil_companion.errors import CutError
+from hil_companion.errors import file_errors
 
 LINES_NAME, FOUND_NAME = "detections.jsonl", "found.json"
 
@@ -22,10 +22,8 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        try:
+        with file_errors(f"detect: {folder / LINES_NAME} cannot be written"):
             self._lines: IO[str] = (folder / LINES_NAME).open("w", encoding="utf-8")
-        except OSError as error:
-            raise CutError(f"detect: {folder / LINES_NAME} cannot be written ({error.strerror or error})") from error
 
     def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], looks: Sequence[Any]) -> None:
         """Append one picture's boxes. `looks`: of each box, six CIE L*a*b* numbers, NaN if unknown, or None."""
@@ -43,15 +41,11 @@ class Journal:
             }
             for d, look in zip(boxes, looks)
         ]
-        try:
+        with file_errors(f"detect: {self._folder} cannot be written"):
             self._lines.write(json.dumps({"frame": frame, "t_capture_ns": t_capture_ns, "boxes": rows}) + "\n")
-        except OSError as error:
-            raise CutError(f"detect: {self._folder} cannot be written ({error.strerror or error})") from error
 
     def close(self, found: Sequence[Found]) -> None:
-        try:
+        with file_errors(f"detect: {self._folder} cannot be written"):
             self._lines.close()
             text = json.dumps([vars(obj) for obj in found], indent=2)
             (self._folder / FOUND_NAME).write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            raise CutError(f"detect: {self._folder} cannot be written ({error.strerror or error})") from error

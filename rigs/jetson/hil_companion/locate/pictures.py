@@ -8,7 +8,7 @@ from typing import Any, Sequence
 import cv2
 import numpy as np
 
-from hil_companion.errors import CutError
+from hil_companion.errors import file_errors
 
 SHEET_NAME = "report.png"  # the bench shows the contact sheet on its report page
 _SHEET_COLUMNS, _SHEET_PICTURES, _MAX_CANDIDATES = 3, 9, 60
@@ -32,10 +32,8 @@ class BoxPictures:
         self._next_ns = 0
         self._count = 0
         self._candidates: list[tuple[int, int, np.ndarray]] = []  # number of boxes, number of the picture, picture
-        try:
+        with file_errors(f"detect: {folder} cannot be made"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CutError(f"detect: {folder} cannot be made ({error.strerror or error})") from error
 
     def add(self, rgb: np.ndarray, found: Sequence[Any], t_ns: int) -> None:
         """Draw and write the picture if the period has passed; call for every picture, in order."""
@@ -68,11 +66,9 @@ class BoxPictures:
 
     def _write(self, name: str, picture: np.ndarray, options: list[int]) -> None:
         done, data = cv2.imencode(Path(name).suffix, picture, options)
-        try:
+        with file_errors(f"detect: {self._folder / name} cannot be written"):
             if done:
                 (self._folder / name).write_bytes(data.tobytes())
-        except OSError as error:
-            raise CutError(f"detect: {self._folder / name} cannot be written ({error.strerror or error})") from error
 
 
 def with_boxes(rgb: np.ndarray, found: Sequence[Any], words: str = "") -> np.ndarray:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from signals.documents.document import shown_path
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from sim.scene.budget import Budget
 from sim.scene.limited_process import limited
 from sim.scene.map_section import ElevationMap, GltfMap, OsmMap
@@ -127,7 +127,7 @@ def _digest(path: Path) -> bytes:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").digest()
     except OSError as error:
-        raise ConfigError([Problem(shown_path(path), f"cannot be read: {error.strerror or error}")]) from None
+        raise ConfigError.at(shown_path(path), f"cannot be read: {error.strerror or error}") from None
 
 
 def import_source(scene: Scene) -> ImportSource | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross, unit
+from signals.rotation import cross, minus, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh
@@ -27,7 +27,7 @@ def tube(mesh: Mesh, points: Sequence[Vec3], radii: Sequence[float], sides: int,
     for i, (p, r) in enumerate(zip(points, radii, strict=True)):
         if i:
             before = points[i - 1]
-            axis = unit((p[0] - before[0], p[1] - before[1], p[2] - before[2]))
+            axis = unit(minus(p, before))
             gap = (p[0] - before[0]) * axis[0] + (p[1] - before[1]) * axis[1] + (p[2] - before[2]) * axis[2]
             length += gap
             off = side[0] * axis[0] + side[1] * axis[1] + side[2] * axis[2]

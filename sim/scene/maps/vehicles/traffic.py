@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim import _kernels
@@ -50,7 +50,7 @@ class CarSize:
             message = (
                 "drives, but lacks nodes wheel_left and wheel_right, or wheel_m and wheels_m in its scene's extras"
             )
-            raise ConfigError([Problem(f"{car.name}.own.glb", message, f"see {car.name}.glb beside it")])
+            raise ConfigError.at(f"{car.name}.own.glb", message, f"see {car.name}.glb beside it")
         return CarSize(length_m, width_m, height_m, wheel_m, wheels)
 
 

@@ -15,6 +15,7 @@ from sim.physics.forces.aero_table import AeroTable
 from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
+from tests.unit.sim.physics.test_fixed_wing import table_of
 
 RHO = 1.225
 
@@ -25,12 +26,6 @@ def without_propeller(name: str) -> Vehicle:
     none = {"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0, "inertia_kgm2": 0.0}
     constants = vehicle.rotor_constants.model_copy(update=none)
     return vehicle.model_copy(update={"rotor_constants": constants, "rotor_model": "quadratic"})
-
-
-def table_of(vehicle: Vehicle) -> AeroTable:
-    (table,) = vehicle.forces
-    assert isinstance(table, AeroTable)
-    return table
 
 
 def loads(vehicle: Vehicle, a_F: Any, w_F: Any = (0.0, 0.0, 0.0), commands: Any = None) -> np.ndarray:

@@ -30,7 +30,7 @@ def in_the_air(vehicle: Vehicle, *, speed: float | None = None, **options: Any) 
     physics = VehiclePhysics(
         vehicle, load_scene("airfield"), TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 1000.0)), **options
     )
-    physics.state[13:] = vehicle.hover_speed_radps() if speed is None else speed
+    physics.state[13:] = vehicle.hover_speeds_radps()[0] if speed is None else speed
     physics.advance(0, (0.0,) * 4)
     return physics
 
@@ -59,7 +59,7 @@ def test_constants_that_follow_from_the_motor() -> None:
     vehicle = plain()
     c, motor = vehicle.rotor_constants, vehicle.rotor_constants.motor
     assert motor is not None
-    hover, most = vehicle.hover_speed_radps(), c.max_speed_radps
+    hover, most = vehicle.hover_speeds_radps()[0], c.max_speed_radps
     assert steady_duty(c, motor, most) == pytest.approx(1.0, rel=1e-12)
     # The curve of relative thrust goes through hover, and is near the motor's elsewhere.
     u, f = multirotor.hover_control(vehicle), c.thrust_model_factor
@@ -89,7 +89,7 @@ def test_hover_command_at_the_site(name: str, model: str) -> None:
     control = multirotor.hover_control(vehicle, ratio)
     aloft = {"effects": Effects(ground_effect=False), "start": FlightStart(p_WB=(0.0, 0.0, 1.0))}
     physics = VehiclePhysics(vehicle, scene, TICK_NS, **aloft)
-    physics.state[13:] = vehicle.hover_speed_radps(ratio)
+    physics.state[13:] = vehicle.hover_speeds_radps(ratio)[0]
     physics.advance(0, (control,))
     for tick in range(1, 50):
         truth = physics.advance(tick, (control,) * len(vehicle.rotors))
@@ -107,7 +107,7 @@ def test_the_flow_takes_load_from_the_rotors(model: str, faster: float) -> None:
     """At an advance ratio of 0.45 a rotor turns faster with the same duty cycle; in still air it holds its speed."""
     vehicle = with_motors("x500", model=model)
     c, control = vehicle.rotor_constants, (multirotor.hover_control(vehicle),) * 4
-    hover = vehicle.hover_speed_radps()
+    hover = vehicle.hover_speeds_radps()[0]
     climb_mps = 0.45 * hover * c.radius_m / math.pi
     physics = in_the_air(vehicle)
     for tick in range(1, 30):

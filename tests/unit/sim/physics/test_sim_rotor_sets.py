@@ -17,11 +17,11 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
-from sim.physics.integration import TickSteps
-from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle, rigid_body
+from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.sensors.rotor_lines import vibration_arguments
+from tests.unit.sim.physics.test_sim_tilts import wrench
 from tests.worlds.motors import with_motors
 
 TICK_NS = 4_000_000
@@ -60,17 +60,6 @@ def flown(physics: VehiclePhysics, ticks: int = 250) -> NDArray[np.float64]:
         physics.advance(tick, controls)
         states.append(physics.state.copy())
     return np.array(states)
-
-
-def wrench(vehicle: Vehicle, controls: list[float]) -> NDArray[np.float64]:
-    """Return force and torque at rest, in still air far from the ground."""
-    forces = vehicle.make_forces(Effects(ground_effect=False, descent_loss=False))
-    truth = np.zeros(13 + sum(force.states for force in forces) + 6)
-    truth[3], truth[2] = 1.0, 500.0
-    body = rigid_body(
-        vehicle, truth, forces=forces, gravity_mps2=9.81, wind_W_mps=(0.0, 0.0, 0.0), steps=TickSteps(0.004, 1)
-    )
-    return np.array(body.steady_wrench(controls))
 
 
 @pytest.mark.parametrize("name", ["x500", "racer", "iris"])

@@ -21,6 +21,7 @@ from sim.frame.source import SharedFrames
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.physics.vehicle_bodies import VehicleBodies, with_vehicles
 from sim.scene.scene import load_scene
+from sim.scene.scene_map import actor_pose
 from sim.scene.world import World
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
@@ -41,13 +42,6 @@ def truth(
 
 def world_with(*names: str) -> World:
     return with_vehicles(load_world(SCENE), dict.fromkeys(names, X500))
-
-
-def poses_of(vehicle: VehicleBodies, t_ns: int) -> tuple[NDArray[np.float64], ...]:
-    n = len(vehicle.bodies)
-    rows = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-    vehicle.pose(t_ns, *rows)
-    return rows
 
 
 def picture(frames: SharedFrames, at: TruthState, **options: Any) -> dict[str, NDArray[Any]]:
@@ -81,7 +75,7 @@ def test_pose_between_ticks_is_that_of_constant_velocities() -> None:
     vehicle.place(last)
     R0, w_B = rotation(first.q_WB), np.array(first.w_WB_B)
     for s in (-0.003, 0.0, 0.0035):  # before the first state too; the last one begins at 0.004
-        p, q, v, w = poses_of(vehicle, first.t_ns + round(s * 1e9))
+        p, q, v, w = actor_pose(vehicle, first.t_ns + round(s * 1e9))
         R = R0 @ about(w_B / np.linalg.norm(w_B), s * float(np.linalg.norm(w_B)))
         np.testing.assert_allclose(p[0], np.array(first.p_WB) + s * np.array(first.v_WB_W), atol=1e-12)
         np.testing.assert_allclose(rotation(q[0]), R, atol=1e-12)
@@ -93,7 +87,7 @@ def test_pose_between_ticks_is_that_of_constant_velocities() -> None:
             np.testing.assert_allclose(rotation(q[1 + i]), R @ about((0, 0, 1), rate * s), atol=1e-9)
             np.testing.assert_allclose(v[1 + i], v[0] + np.cross(w[0], arm_W), atol=1e-12)
             np.testing.assert_allclose(w[1 + i], w[0] + rate * R[:, 2], atol=1e-9)
-    _, q, _, _ = poses_of(vehicle, last.t_ns)
+    _, q, _, _ = actor_pose(vehicle, last.t_ns)
     for i, rotor in enumerate(X500.rotors):
         angle = rotor.spin.sign * 0.5 * (first.rotor_speed_radps[i] + last.rotor_speed_radps[i]) * TICK_NS * 1e-9
         np.testing.assert_allclose(rotation(q[1 + i]), about((0, 0, 1), angle), atol=1e-9)
@@ -102,7 +96,7 @@ def test_pose_between_ticks_is_that_of_constant_velocities() -> None:
 def test_velocities_are_the_rates_of_the_poses() -> None:
     vehicle = VehicleBodies("v", X500)
     vehicle.place(truth(0, ZERO, rpy_deg=(5, 10, 20), v=(3, 1, -2), w=(2, -1, 4), rotors=(900, 300, 600, 0)))
-    (p0, q0, _, _), (_, _, v, w), (p1, q1, _, _) = (poses_of(vehicle, t) for t in (999_000, 1_000_000, 1_001_000))
+    (p0, q0, _, _), (_, _, v, w), (p1, q1, _, _) = (actor_pose(vehicle, t) for t in (999_000, 1_000_000, 1_001_000))
     np.testing.assert_allclose((p1 - p0) / 2e-6, v, atol=1e-6)
     for i in range(len(vehicle.bodies)):
         turn = rotation(q1[i]) @ rotation(q0[i]).T
@@ -119,7 +113,7 @@ def test_states_that_are_passed_on_give_the_same_poses() -> None:
     copy.place(truth(99, ZERO))
     copy.restore(vehicle.states_since(20 * TICK_NS + 1))
     for t_ns in (20 * TICK_NS, 20 * TICK_NS + 1, 30 * TICK_NS - 1, 39 * TICK_NS, 45 * TICK_NS):
-        for ours, theirs in zip(poses_of(copy, t_ns), poses_of(vehicle, t_ns), strict=True):
+        for ours, theirs in zip(actor_pose(copy, t_ns), actor_pose(vehicle, t_ns), strict=True):
             np.testing.assert_array_equal(ours, theirs)
     assert copy.states_since(0) == vehicle.states_since(20 * TICK_NS)
     assert len(vehicle.states_since(39 * TICK_NS)) == 8 * (14 + 2 * len(X500.rotors))
@@ -132,9 +126,9 @@ def test_a_second_of_states_is_kept_and_an_earlier_time_begins_anew() -> None:
     for tick in range(501):
         vehicle.place(truth(tick, (float(tick), 0.0, 0.0)))
     for tick, x in ((500, 500.0), (400, 400.0), (250, 250.0), (100, 250.0)):
-        assert poses_of(vehicle, tick * TICK_NS)[0][0, 0] == x
+        assert actor_pose(vehicle, tick * TICK_NS)[0][0, 0] == x
     vehicle.place(truth(3, (-1.0, 0.0, 0.0)))
-    assert poses_of(vehicle, 500 * TICK_NS)[0][0, 0] == -1.0
+    assert actor_pose(vehicle, 500 * TICK_NS)[0][0, 0] == -1.0
     with pytest.raises(ValueError, match="speed of each rotor"):
         vehicle.place(truth(4, ZERO, rotors=(1.0, 2.0, 3.0)))
 

@@ -26,7 +26,7 @@ from sim.scene.maps.vehicles.ridden_bicycle import RiddenBicycle
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
-from sim.scene.scene_map import Actor
+from sim.scene.scene_map import actor_pose
 from sim.scene.world import World
 from sim.world_loader import load_world
 
@@ -42,13 +42,6 @@ def riding(height_m: float, speed_mps: float = 4.5, ground_m: float = 0.0) -> tu
     rng, traits = RandomGenerator(7, "p"), PersonTraits(height_m=height_m)
     person, bicycle = add_cyclist(builder, rng, path, ground_m=ground_m, traits=traits)
     return person, bicycle, builder
-
-
-def posed(actor: Actor, t_ns: int) -> tuple[Float64, Float64, Float64, Float64]:
-    n = len(actor.bodies)
-    out = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
-    actor.pose(t_ns, *out)
-    return out
 
 
 def turned(q: Float64) -> Float64:
@@ -79,7 +72,7 @@ def test_wheels_and_cranks_follow_the_distance(height_m: float, speed_mps: float
     for t_ns in TIMES_NS:
         _, s_m, v_mps = bicycle.path.progress(t_ns)
         x, y, c, s, *_ = bicycle.path.place(s_m)
-        pose = posed(bicycle, t_ns)
+        pose = actor_pose(bicycle, t_ns)
         heading = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         assert np.abs(turned(pose[1][0]) - heading).max() < 1e-9
         wheel, cranks = (math.tau * s_m * k for k in (bicycle.wheel_turns_per_m, bicycle.crank_turns_per_m))
@@ -103,7 +96,7 @@ def test_feet_are_on_the_pedals_and_hands_at_the_bar(height_m: float) -> None:
     person, bicycle, _ = riding(height_m)
     grip_x, grip_y, grip_z = (bicycle.size * value for value in city.GRIP_M)
     for t_ns in range(0, 8_000_000_000, 137_000_000):
-        rider, ridden = posed(person, t_ns), posed(bicycle, t_ns)
+        rider, ridden = actor_pose(person, t_ns), actor_pose(bicycle, t_ns)
         for side, sign, body in (("l", 1.0, 4), ("r", -1.0, 5)):
             pedal = point(ridden, body, (0.0, sign * bicycle.size * city.PEDAL_Y_M, bicycle.size * city.PEDAL_HALF_M))
             ball = point(rider, LIMBS.index(f"foot_{side}"), (0.075 * height_m, 0.0, -person.figure.ankle_m))
@@ -138,7 +131,7 @@ def test_velocities_are_the_derivatives_of_the_poses() -> None:
     h = 20_000
     for actor in riding(1.75)[:2]:
         for t_ns in range(500_000_000, 25_000_000_000, 1_234_567_890):
-            before, now, after = (posed(actor, t) for t in (t_ns - h, t_ns, t_ns + h))
+            before, now, after = (actor_pose(actor, t) for t in (t_ns - h, t_ns, t_ns + h))
             assert np.abs((after[0] - before[0]) / (2e-9 * h) - now[2]).max() < 1e-5
             for i in range(len(actor.bodies)):
                 rate = (turned(after[1][i]) - turned(before[1][i])) / (2e-9 * h) @ turned(now[1][i]).T
@@ -149,10 +142,10 @@ def test_velocities_are_the_derivatives_of_the_poses() -> None:
 def test_poses_are_functions_of_time_and_a_lap_closes() -> None:
     for actor in riding(1.6)[:2]:
         lap_ns = round(1e9 * actor.path.lap_s)
-        first = {t_ns: posed(actor, t_ns) for t_ns in TIMES_NS}
+        first = {t_ns: actor_pose(actor, t_ns) for t_ns in TIMES_NS}
         for t_ns in reversed(TIMES_NS):
-            assert all((a == b).all() for a, b in zip(first[t_ns], posed(actor, t_ns), strict=True))
-            for a, b in zip(first[t_ns], posed(actor, t_ns + lap_ns), strict=True):
+            assert all((a == b).all() for a, b in zip(first[t_ns], actor_pose(actor, t_ns), strict=True))
+            for a, b in zip(first[t_ns], actor_pose(actor, t_ns + lap_ns), strict=True):
                 assert np.minimum(np.abs(a - b), np.abs(a + b) if a.shape[1] == 4 else np.inf).max() < 1e-6
 
 
@@ -203,7 +196,7 @@ def test_a_scene_has_cyclists_with_labels(generator: str, tmp_path: Path) -> Non
 def _seen_from_ahead(world: World, person: Cyclist, bicycle: RiddenBicycle) -> None:
     """Check that a picture shows both instances, which come nearer at the speed of the ride."""
     t_ns = 2_000_000_000
-    p, _, v, _ = posed(person, t_ns)
+    p, _, v, _ = actor_pose(person, t_ns)
     speed_mps = float(np.linalg.norm(v[1]))
     camera, frames = CameraModel.from_fov(240, 240, 20.0), SharedFrames(world)
     at = p[1] + 8.0 * v[1] / speed_mps
@@ -234,7 +227,7 @@ def test_cyclists_change_nothing_else(generator: str) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_cyclists_keep_clear_of_parked_vehicles(seed: int) -> None:
-    scene_map = urban_delivery.generate(urban_delivery.UrbanDeliveryParameters(cyclists=2, trees=0), seed)
+    scene_map = urban_delivery.generate(urban_delivery.Parameters(cyclists=2, trees=0), seed)
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -247,7 +240,7 @@ def test_cyclists_keep_clear_of_parked_vehicles(seed: int) -> None:
     centres = data.geom_xpos[parked] + np.einsum("nij,nj->ni", R, model.geom_aabb[parked, :3])
     for bicycle in (actor for actor in scene_map.actors if isinstance(actor, RiddenBicycle)):
         for k in range(60):
-            p, q, _, _ = posed(bicycle, k * 700_000_000)
+            p, q, _, _ = actor_pose(bicycle, k * 700_000_000)
             own = turned(q[0])
             half = np.einsum("nij,nj->ni", np.abs(own.T @ R), model.geom_aabb[parked, 3:])
             gap = np.abs((centres - p[0]) @ own) - half - [0.9, 0.32, 0.0]

@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
-from sim.scene.maps.figure import LIMBS, Figure
+from sim.scene.maps.figure import Figure
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
+from sim.scene.scene_map import actor_pose
 from tests.reference import walker_reference
 
 PATHS = {
@@ -16,11 +17,6 @@ PATHS = {
     "mostly_corner": lambda speed_mps, lap: WalkPath([(1.0, 2.0), (2.0, 2.5), (0.5, 4.0)], speed_mps, start_lap=lap),
     "there_and_back": lambda speed_mps, lap: there_and_back((1.0, -2.0), (9.0, 3.0), speed_mps, start_lap=lap),
 }
-
-
-def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    n = len(LIMBS)
-    return np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
 
 
 @settings(max_examples=60)
@@ -43,8 +39,7 @@ def test_walkers_are_those_of_the_equations(
         assert found == walker_reference.progress(walker.path, t_ns)
         assert walker.path.place(found[1]) == walker_reference.place(walker.path, found[1])
         assert walker.bound(t_ns)[0] == (*walker.path.place(found[1])[:2], 0.3 + 0.5 * height_m)
-        p, q, v, w = arrays()
-        walker.pose(t_ns, p, q, v, w)
+        p, q, _, _ = actor_pose(walker, t_ns)
         expected_p, expected_q = walker_reference.pose(walker, t_ns)
         assert np.abs(p - expected_p).max() < 1e-9
         assert np.abs(np.array([walker_reference.upright(row) for row in q]) - expected_q).max() < 1e-7

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import mujoco
@@ -17,7 +16,7 @@ from signals.errors import ConfigError
 from sim.scene.budget import Budget
 from sim.scene.compile_process import compile_mjcf
 from sim.world_loader import load_world
-from tests.worlds.patience import PATIENCE_S
+from tests.worlds.patience import PATIENCE_S, until
 
 SCENE = """name: odd
 description: A map of a test
@@ -83,16 +82,11 @@ def test_compiling_is_interrupted_by_a_signal(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "hil.cli.entry", "view", str(scene_with(tmp_path, text))]
     view = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     children = Path(f"/proc/{view.pid}/task/{view.pid}/children")
-    deadline = time.monotonic() + PATIENCE_S
-    while not (compiling := children.read_text().split()) and time.monotonic() < deadline:
-        time.sleep(0.05)
+    compiling = until(lambda: children.read_text().split())
     view.send_signal(signal.SIGTERM)
     _, error = view.communicate(timeout=PATIENCE_S)
     assert (view.returncode, error) == (3, "error: stopped by SIGTERM\n")
-    deadline = time.monotonic() + PATIENCE_S
-    while any(_runs(pid) for pid in compiling) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not any(_runs(pid) for pid in compiling)
+    until(lambda: not any(_runs(pid) for pid in compiling), "the end of the compiling process")
 
 
 def _runs(pid: str) -> bool:

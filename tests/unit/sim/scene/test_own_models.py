@@ -16,7 +16,7 @@ from signals.errors import ConfigError
 from signals.rotation import NO_TURN
 from sim.scene import surfaces
 from sim.scene.maps import asset_files, models, textures
-from sim.scene.maps.city_park import CityParkParameters, generate
+from sim.scene.maps.city_park import Parameters, generate
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.vehicles.kinds import add_parts
 from sim.scene.maps.vehicles.traffic import CarSize
@@ -112,14 +112,14 @@ def test_contact_is_by_nodes_of_that_name(assets: Path) -> None:
 
 
 def test_maps_take_it_and_a_texture(assets: Path) -> None:
-    before = generate(CityParkParameters(cars=12), 1)
+    before = generate(Parameters(cars=12), 1)
     for end in ("a", "b", "a_driver", "b_driver"):
         for kind in ("sedan", "hatchback", "estate", "suv"):
             (assets / f"models/vehicles/{kind}_{end}.own.glb").write_bytes(car())
     (assets / "textures/grass.own.png").write_bytes((assets / "textures/gravel.png").read_bytes())
     models.model.cache_clear()
     textures.png.cache_clear()
-    after = generate(CityParkParameters(cars=12), 1)
+    after = generate(Parameters(cars=12), 1)
     cars = [name for name in after.assets if name.startswith(("sedan", "hatchback", "estate", "suv"))]
     assert cars
     assert {name.rpartition("_")[2] for name in cars if "hull" not in name} == {"paint.msh", "Lime.msh"}

@@ -28,6 +28,7 @@ from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
+from sim.scene.scene_map import actor_pose
 from sim.scene.world import World
 from sim.world_loader import load_world
 from tools.art.people.body_build import BUILDS
@@ -168,15 +169,11 @@ def test_children_walk_and_wheelchairs_roll(generator: str, tmp_path: Path) -> N
     actors = [actor for actor in world.map.actors if actor.name.startswith("person")]
     assert [type(actor) for actor in actors] == [Walker, Walker, Roller, Roller]
     assert all(1.0 < actor.figure.height_m < 1.41 for actor in actors[:2])
-    n = len(LIMBS)
     step_ns = 2_000
     for roller in actors[2:]:
         for t_ns in range(1_000_000_000, 60_000_000_000, 1_765_432_100):
-            p0, p1, p = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-            q, v, w = np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-            roller.pose(t_ns - step_ns, p0, q, v, w)
-            roller.pose(t_ns + step_ns, p1, q, v, w)
-            roller.pose(t_ns, p, q, v, w)
+            p0, p1 = (actor_pose(roller, t_ns + side * step_ns)[0] for side in (-1, 1))
+            p, _, v, _ = actor_pose(roller, t_ns)
             assert np.abs((p1 - p0) / (2e-9 * step_ns) - v).max() < 1e-5
             assert np.ptp(p[:3, 2]) > 0.4  # upright
     geoms = [world.model.geom(g) for g in range(world.model.ngeom)]
@@ -222,9 +219,7 @@ def test_feet_rest_on_the_footrests_of_a_wheelchair(height_m: float) -> None:
     builder = MapBuilder("people")
     traits = PersonTraits(height_m=height_m)
     roller = add_wheelchair_user(builder, RandomGenerator(1, "p"), WAY, traits=traits)
-    n = len(LIMBS)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    roller.pose(1_000_000_000, p, q, v, w)
+    p, q, _, _ = actor_pose(roller, 1_000_000_000)
     assert np.isfinite(p).all()
     assert np.isfinite(q).all()
     size = height_m / 1.75 if height_m < 1.42 else 1.0
@@ -252,8 +247,7 @@ def test_bound_holds_the_meshes() -> None:
             begin = 0
             for actor in made.actors:
                 n = len(actor.bodies)
-                p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-                actor.pose(t_ns, p, q, v, w)
+                p, q, _, _ = actor_pose(actor, t_ns)
                 data.mocap_pos[begin : begin + n], data.mocap_quat[begin : begin + n] = p, q
                 begin += n
             mujoco.mj_kinematics(model, data)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from sim.frame.geometry import FrameGeometry
 from sim.scene.maps import textures
-from sim.scene.maps.city_park import CityParkParameters, generate
+from sim.scene.maps.city_park import Parameters, generate
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.plants import add_tree, plant_materials
 from sim.scene.maps.plants.species import SPECIES
@@ -39,7 +39,7 @@ def park() -> World:
 
 @cache
 def park_in(season: Season) -> SceneMap:
-    return generate(CityParkParameters(season=season), 1)
+    return generate(Parameters(season=season), 1)
 
 
 def posed(model: mujoco.MjModel) -> mujoco.MjData:
@@ -159,7 +159,7 @@ def entry_m(
 @pytest.mark.parametrize("season", SEASONS)
 def test_a_season_changes_looks_but_neither_places_nor_solid_shapes(season: Season) -> None:
     other = park_in(season)
-    again = generate(CityParkParameters(season=season), 1)
+    again = generate(Parameters(season=season), 1)
     assert (again.mjcf, again.assets) == (other.mjcf, other.assets)
     red, green, opaque = leaf_colour(other, "maple")
     assert (red > green) == (season in ("autumn", "winter"))  # in winter twigs are left

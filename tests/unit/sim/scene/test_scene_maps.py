@@ -19,7 +19,7 @@ from sim.scene import surfaces
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.figure import LIMBS
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.scene_map import SceneMap
+from sim.scene.scene_map import SceneMap, actor_pose
 
 NAMES = tuple(GENERATORS)
 WALKED = ("city_park", "urban_delivery", "training_village", "radar_range")  # maps with people who move
@@ -50,10 +50,7 @@ def digest(scene_map: SceneMap) -> str:
         h.update(name.encode() + content)
     h.update(repr((sorted(scene_map.classes.items()), sorted(scene_map.surfaces.items()))).encode())
     for actor in scene_map.actors:
-        n = len(actor.bodies)
-        arrays = [np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))]
-        actor.pose(12_345_678_901, *arrays)
-        h.update(repr(actor.bodies).encode() + b"".join(a.tobytes() for a in arrays))
+        h.update(repr(actor.bodies).encode() + b"".join(a.tobytes() for a in actor_pose(actor, 12_345_678_901)))
     return h.hexdigest()
 
 
@@ -140,9 +137,7 @@ def test_actors_are_mocap_bodies_of_their_own(name: str, seed: int) -> None:
     assert len(bodies) == len(set(bodies)) == model.nmocap
     assert len({actor.name for actor in scene_map.actors}) == len(scene_map.actors)
     for actor in scene_map.actors:
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-        actor.pose(0, p, q, v, w)
+        p, q, _, _ = actor_pose(actor, 0)
         for i, body in enumerate(actor.bodies):
             assert body.startswith(f"{actor.name}_")
             number = mujoco.mj_name2id(model, BODY, body)
@@ -374,7 +369,7 @@ def test_the_generator_in_the_docs_works() -> None:
     sys.modules["avenue"] = module
     try:
         exec(compile(code, "docs/scenes.md", "exec"), module.__dict__)
-        scene_map = module.generate(module.AvenueParameters(trees=3), 4)
+        scene_map = module.generate(module.Parameters(trees=3), 4)
     finally:
         del sys.modules["avenue"]
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))

@@ -17,7 +17,7 @@ from sim.scene.maps.models import model as shipped
 from sim.scene.maps.shipped_mesh import ShippedMesh
 from sim.scene.maps.vehicles.kinds import KINDS, add_parts
 from sim.scene.maps.vehicles.traffic import DrivenCar
-from sim.scene.scene_map import SceneMap
+from sim.scene.scene_map import SceneMap, actor_pose
 
 # Length, width over the mirrors and height of common vehicles [m], by data sheets: least and greatest.
 SIZES = {
@@ -131,13 +131,6 @@ def test_the_suburb_mixes_kinds_each_one_instance() -> None:
     assert bodies == {"car", "van", "lorry", "bus"}
 
 
-def posed(car: DrivenCar, t_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    n = len(car.bodies)
-    out = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
-    car.pose(t_ns, *out)
-    return out
-
-
 def turned(q: np.ndarray) -> np.ndarray:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, q)
@@ -145,7 +138,7 @@ def turned(q: np.ndarray) -> np.ndarray:
 
 
 def traffic(seed: int, count: int) -> SceneMap:
-    return urban_delivery.generate(urban_delivery.UrbanDeliveryParameters(traffic=count), seed)
+    return urban_delivery.generate(urban_delivery.Parameters(traffic=count), seed)
 
 
 def test_velocities_of_driven_cars_are_the_derivatives_of_their_poses() -> None:
@@ -153,7 +146,7 @@ def test_velocities_of_driven_cars_are_the_derivatives_of_their_poses() -> None:
     h = 100_000
     straights = 0
     for t_ns in (0, 3_210_000_000, 9_000_000_000, 14_123_000_000, 21_700_000_000):
-        before, now, after = posed(car, t_ns - h), posed(car, t_ns), posed(car, t_ns + h)
+        before, now, after = actor_pose(car, t_ns - h), actor_pose(car, t_ns), actor_pose(car, t_ns + h)
         assert np.allclose((after[0] - before[0]) / (2e-9 * h), now[2], atol=1e-4)
         for i in range(len(car.bodies)):
             # R' R^T is the cross-product matrix of the angular velocity.
@@ -177,7 +170,7 @@ def test_bound_of_a_driven_car_holds_it() -> None:
     kind = next(k for k in ("sedan", "hatchback", "estate", "suv") if _length_m(k) == car.shape.length_m)
     points = np.concatenate([mesh.vertices for mesh in shipped(f"vehicles/{kind}_a_driver").by_material().values()])
     for t_ns in (0, 5_000_000_000):
-        p, q, _, _ = posed(car, t_ns)
+        p, q, _, _ = actor_pose(car, t_ns)
         centre, radius_m = car.bound(t_ns)
         assert np.linalg.norm(p[0] + points @ turned(q[0]).T - centre, axis=1).max() <= radius_m
 
@@ -203,7 +196,7 @@ def test_traffic_keeps_clear_of_parked_vehicles_and_of_itself(seed: int) -> None
     for k in range(30):
         places = []
         for car in cars:
-            p, q, _, _ = posed(car, k * 1_000_000_000)
+            p, q, _, _ = actor_pose(car, k * 1_000_000_000)
             R = turned(q[0])
             places.append(p[0])
             for geom in parked:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signals.samples import Quat, Vec3
 from sim.scene.compile.actor_geoms import pose_geoms
+from sim.scene.scene_map import actor_pose
 from sim.scene.world import World
 
 _OUTSIDE_M = 1e6  # objects that were taken away are outside the world
@@ -49,9 +50,7 @@ class Bounds:
         if number >= 0:
             actor = world.map.actors[number]
             pose_geoms(model, data, actor, t_ns)
-            n = len(actor.bodies)
-            p, q, v, w = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
-            actor.pose(t_ns, p, q, v, w)
+            p, q, _, _ = actor_pose(actor, t_ns)
             p_WO, q_WO = p[0], q[0]
         elif top:
             p_WO, q_WO = data.xpos[top], data.xquat[top]

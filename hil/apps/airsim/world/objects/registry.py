@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-import numpy as np
-
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.world.ned import unit_rotation
 from hil.apps.airsim.world.objects.present_world import PresentWorld
@@ -22,6 +20,7 @@ from sim.scene.compile.placed_worlds import Added
 from sim.scene.placed.actor import FixedBody, ObjectActor
 from sim.scene.placed.assets import asset, asset_names
 from sim.scene.placed.template import Materials, Template, fixed_bodies, template_of
+from sim.scene.scene_map import actor_pose
 from sim.scene.semantics import MAX_SURFACES
 
 MOST_SPAWNED = 1000
@@ -53,9 +52,7 @@ class Objects:
         """Return an object at its present pose; None if there is none."""
         found = self._known.get(name)
         if found is not None and found.mover is not None:
-            n = len(found.mover.bodies)
-            p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-            found.mover.pose(self._world.t_ns, p, q, v, w)
+            p, q, _, _ = actor_pose(found.mover, self._world.t_ns)
             found.p_W, found.q_W = tuple(p[0].tolist()), tuple(q[0].tolist())
         return found
 

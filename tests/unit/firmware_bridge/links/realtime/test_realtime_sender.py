@@ -16,17 +16,10 @@ import pytest
 
 from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats, denied
 from firmware_bridge.links.realtime.sender_process import ISOLATED, MEMORY, SLACK, isolated_processors
-from tests.worlds.patience import PATIENCE_S
+from tests.worlds.patience import PATIENCE_S, until
 
 PERIOD_NS = 4_000_000
 HOUR_NS = 3_600 * 10**9
-
-
-def until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.002)
 
 
 def frame(k: int, size: int = 64) -> bytes:

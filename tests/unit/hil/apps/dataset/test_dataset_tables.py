@@ -25,7 +25,7 @@ from hil.apps.dataset.formats.previews import cloud_previews, radar_picture, vis
 from hil.apps.dataset.formats.radar_labels import radar_labels_csv, read_radar_labels
 from hil.apps.dataset.formats.radar_npy import npy, radar_json
 from hil.apps.dataset.formats.split import split_frames
-from hil.apps.dataset.storage.tables import COLUMNS, HEADERS, TRUTH, Table, Tables
+from hil.apps.dataset.storage.tables import TABLES, TRUTH, Table, Tables
 from hil.apps.dataset.storage.tree import Written
 from hil.run.recorder.mcap.topics import columns_of
 from signals.classes import Classes
@@ -97,8 +97,8 @@ def test_truth_has_the_columns_of_euroc() -> None:
     ],
 )
 def test_rows_of_other_sensors(sample: Any, row: str) -> None:
-    header = HEADERS[type(sample)]
-    assert table_of(header, [sample], COLUMNS[type(sample)]) == f"{header}\n{row}\n"
+    header, columns = TABLES[type(sample)]
+    assert table_of(header, [sample], columns) == f"{header}\n{row}\n"
     assert header.count(",") == row.count(",")
 
 

@@ -40,7 +40,7 @@ def test_gradient_is_that_of_the_cost(kind: str, log: FlightLog) -> None:
     """Central differences of the cost, to every unknown and to the states at the start."""
     vehicle = nominal_vehicle()
     log = log if kind == "command" else speeds_of(log)
-    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a")
     model = make_model(vehicle, unknowns, kind=kind, step_s=0.008)  # type: ignore[arg-type]
     windows = Windows(log, 0, np.array([2.0, 3.1]), 12, 0.008, Motors.of(log), 1.0)
     group = first_states(model, windows)
@@ -61,7 +61,7 @@ def test_gradient_is_that_of_the_cost(kind: str, log: FlightLog) -> None:
 
 def test_a_step_is_accurate(log: FlightLog) -> None:
     vehicle = nominal_vehicle()
-    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a")
     whole, half = (make_model(vehicle, unknowns, kind="command", step_s=h) for h in (0.008, 0.004))
     z = np.zeros(whole.states)
     z[3], z[7:13], z[13:17] = 1.0, (3.0, -2.0, 1.0, 2.0, -3.0, 1.0), 650.0
@@ -84,7 +84,7 @@ def test_steps_begin_where_fast_commands_change(log: FlightLog, period_s: float,
 def test_the_state_within_a_step_is_that_of_a_shorter_step(log: FlightLog) -> None:
     """Third order: where the step is halved the difference is a tenth of what it was, or less."""
     vehicle = nominal_vehicle()
-    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a")
     command, share = np.array([0.45, 0.62, 0.5, 0.7]), 0.3
     u = np.r_[np.tile(np.r_[command, np.zeros(8)], 3), 1.0, -1e4][:, None]
     off = []

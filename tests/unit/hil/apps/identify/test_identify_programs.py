@@ -93,7 +93,7 @@ def fitted() -> tuple[FlightModel, Any]:
     """Return a model and the function that makes a group of 40 windows of a flight."""
     vehicle = nominal_vehicle()
     log = excited_log(hidden_vehicle(vehicle, 5), seed=5, duration_s=9.0, sensing=Sensing(imu_delay_s=0.005))
-    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a")
     model = make_model(vehicle, unknowns, kind="command", step_s=0.008)
     starts_s = 1.0 + 0.16 * np.arange(40)
 
@@ -109,7 +109,7 @@ def _solved(model: FlightModel, group: Group, workers: ThreadPoolExecutor | None
     count = at.VEHICLE_COUNT + at.LOG_COUNT
     free = np.ones(count, bool)
     free[[at.VOLTAGE, at.CENTRE + 2]] = False
-    unknowns = at.vehicle_unknowns(nominal_vehicle()) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(nominal_vehicle()) + at.log_unknowns("a")
     guess = Guess(np.zeros(count), np.array([u.prior for u in unknowns]), free)
     return solve(model, [group], guess, steady=None, progress=lambda share, what: None, most=5, workers=workers)
 

@@ -95,7 +95,7 @@ def test_ground_holds_a_low_vehicle_up() -> None:
 @pytest.mark.parametrize("name", ["x500", "y6"])
 def test_derivatives_of_the_implicit_inflow_are_exact(name: str) -> None:
     vehicle = vehicle_of(name)
-    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a")
     model = make_model(vehicle, unknowns, kind="command", step_s=STEP_S)
     z, s = start_of(model, LOW_M), np.zeros(len(unknowns))
     control = np.tile(np.r_[np.full(model.rotors, 0.6), np.zeros(2 * model.rotors)], 3)

@@ -12,21 +12,15 @@ from hil.apps.vehicle.coefficients import FlightPoint, PanelAircraft
 from hil.apps.vehicle.command import read_points, vehicle_aero
 from hil.apps.vehicle.lattice import LatticeAircraft, inviscid
 from signals.errors import ConfigError, HilError
-from sim.physics.forces.panels import Panels
-from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
+from sim.physics.vehicle import VEHICLE_DIR
+from tests.reference.test_panels_reference import trainer_panels
 
 _AT = FlightPoint(17.0)
 _HAS_LATTICE = importlib.util.find_spec("aerosandbox") is not None
 
 
-def _trainer() -> Panels:
-    part = load_vehicle("trainer").forces[0]
-    assert isinstance(part, Panels)
-    return part
-
-
 def test_signs_of_a_stable_aircraft() -> None:
-    found = PanelAircraft(_trainer()).derivatives(_AT)
+    found = PanelAircraft(trainer_panels()).derivatives(_AT)
     assert found["alpha"]["CL"] > 0.0 > found["alpha"]["Cm"]
     assert found["beta"]["Cn"] > 0.0 > found["beta"]["CY"]
     assert max(found["p"]["Cl"], found["q"]["Cm"], found["r"]["Cn"]) < 0.0
@@ -34,7 +28,7 @@ def test_signs_of_a_stable_aircraft() -> None:
 
 
 def test_lift_of_the_trainer_is_that_of_its_source() -> None:
-    aircraft = PanelAircraft(_trainer())
+    aircraft = PanelAircraft(trainer_panels())
     for alpha_deg, point in read_points(VEHICLE_DIR / "polars" / "trainer.csv").items():
         own = aircraft.coefficients(FlightPoint(17.2, alpha_rad=alpha_deg * 3.141592653589793 / 180.0))
         assert own["CL"] == pytest.approx(point["CL"], abs=0.05)
@@ -42,7 +36,7 @@ def test_lift_of_the_trainer_is_that_of_its_source() -> None:
 
 def test_roll_damping_of_the_trainer_is_that_of_its_source() -> None:
     """dCMl__dpHat_rps -0.394 at 2 degrees."""
-    assert PanelAircraft(_trainer()).derivatives(_AT)["p"]["Cl"] == pytest.approx(-0.394, rel=0.05)
+    assert PanelAircraft(trainer_panels()).derivatives(_AT)["p"]["Cl"] == pytest.approx(-0.394, rel=0.05)
 
 
 def test_files(tmp_path: Path) -> None:
@@ -72,7 +66,7 @@ def test_without_aerosandbox(tmp_path: Path) -> None:
 @pytest.mark.skipif(not _HAS_LATTICE, reason="needs aerosandbox")
 def test_derivatives_are_those_of_aerosandbox() -> None:
     """Within 10 %, also those of the fin on its tailplane, whose panels are closer where they meet."""
-    panels = inviscid(_trainer())
+    panels = inviscid(trainer_panels())
     own, other = PanelAircraft(panels).derivatives(_AT), LatticeAircraft(panels).derivatives(_AT)
     for by, name in (
         ("alpha", "CL"), ("alpha", "Cm"), ("q", "CL"), ("q", "Cm"), ("p", "Cl"), ("aileron", "Cl"), ("elevator", "Cm"),
@@ -84,7 +78,7 @@ def test_derivatives_are_those_of_aerosandbox() -> None:
 
 def test_few_panels_carry_over_from_the_fin_to_the_tailplane() -> None:
     """With two panels each, the fin on its tailplane has the derivatives of the same with ten."""
-    panels = inviscid(_trainer())
+    panels = inviscid(trainer_panels())
     wings = tuple(
         w if w.name == "wing" else w.model_copy(update={"panels": 10 if w.symmetric else 9}) for w in panels.wings
     )

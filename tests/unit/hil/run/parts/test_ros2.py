@@ -22,13 +22,13 @@ from rich.console import Console
 from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain, own_sockets
 from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
 from hil.run.replay import fly_and_compare
 from signals.errors import ConfigError
 from signals.samples import TruthState
+from tests.unit.hil.run.parts.test_part_suite import Stop
 from tests.worlds.bench_process import ROOT
 from tests.worlds.patience import PATIENCE_S, until
 
@@ -364,16 +364,6 @@ def test_a_frame_that_is_no_text_is_refused_and_the_run_goes_on(tmp_path: Path, 
     assert result.run["deterministic"]
     (reason,) = result.run["verdict"]["reasons"]
     assert reason.startswith("no ROS 2 node in control ever flew: the flight ended in the phase ")
-
-
-class Stop(Part):
-    """Presses Ctrl-C in tick 40."""
-
-    name = "stop"
-
-    def after_tick(self, tick: int) -> None:
-        if tick == 40:
-            raise KeyboardInterrupt("stopped by SIGTERM")
 
 
 def test_a_run_that_is_stopped_before_a_node_flew_is_no_failure(tmp_path: Path, domain: int) -> None:

@@ -13,7 +13,7 @@ from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.report.run_folder import remove_earlier, run_folder, write_unbegun
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, RecordingError
 
 SHORT = ("duration_s=0.1", "record.report=false", "autopilot.transport=loopback", "mission=null")
 
@@ -144,5 +144,5 @@ def test_pictures_and_output_of_an_earlier_runs_clients_are_removed(tmp_path: Pa
 def test_a_run_that_never_began_leaves_no_report_of_an_earlier_one(tmp_path: Path) -> None:
     for name in ("run.json", "report.html", "run.mcap"):
         (tmp_path / name).write_text("{}")
-    write_unbegun(ConfigError([Problem("x", "is wrong")]), tmp_path, rig=None, scene=None, seed=None)
+    write_unbegun(ConfigError.at("x", "is wrong"), tmp_path, rig=None, scene=None, seed=None)
     assert {path.name for path in tmp_path.iterdir()} == {"run.json", "run.mcap"}

@@ -6,7 +6,6 @@ import copy
 import json
 import os
 import resource
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,18 +15,7 @@ import pytest
 from hil.run.runs.run_file import RunFile
 from signals.errors import DiskFull, RecordingError
 from tests.worlds.run_json_schema import RUN, problems_of
-
-
-@contextmanager
-def small_disk(folder: Path, size_kb: int) -> Iterator[None]:
-    """Mount a file system of this size; skip the test where that is not allowed."""
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={size_kb}k", "tmpfs", folder]
-    if os.getuid() != 0 or subprocess.run(mount, check=False, capture_output=True).returncode != 0:
-        pytest.skip("only root mounts file systems")
-    try:
-        yield
-    finally:
-        subprocess.run(["umount", folder], check=True)
+from tests.worlds.strained_machine import small_disk
 
 
 @contextmanager

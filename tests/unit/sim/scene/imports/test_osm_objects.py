@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.frame.mujoco_backend import WorldPose
 from sim.scene.imports.osm_parking import bays, street_places
 from sim.scene.imports.osm_shapes import Line
 from sim.scene.imports.shapes import shapely
@@ -39,20 +40,6 @@ def town(**more: str) -> str:
     for x, y in ((10, 34), (-31, 47), (25, -16), (-41, 47)):
         out.spot(x, y, natural="tree")
     return out.xml()
-
-
-def posed(world: World) -> mujoco.MjData:
-    """Return the state of the world at t = 0."""
-    model, data = world.model, mujoco.MjData(world.model)
-    for actor in world.map.actors:
-        n = len(actor.bodies)
-        p, q = np.zeros((n, 3)), np.zeros((n, 4))
-        actor.pose(0, p, q, np.zeros((n, 3)), np.zeros((n, 3)))
-        for name, at, turn in zip(actor.bodies, p, q, strict=True):
-            mocap = model.body_mocapid[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)]
-            data.mocap_pos[mocap], data.mocap_quat[mocap] = at, turn
-    mujoco.mj_kinematics(model, data)
-    return data
 
 
 def solids(world: World, data: mujoco.MjData) -> dict[str, list[tuple[int, np.ndarray, np.ndarray]]]:
@@ -92,7 +79,7 @@ def count(world: World, *kinds: str) -> int:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_objects_stand_in_nothing_and_have_their_classes(seed: int, tmp_path: Path) -> None:
     world = world_of(tmp_path, town(), radius_m=95, objects=f"{{seed: {seed}, density: 1.5}}")
-    data = posed(world)
+    data = WorldPose(world).at(0)
     assert not overlapping(world, data)
     assert count(world, "car", "van") > 20
     assert count(world, "person") > 5
@@ -104,7 +91,7 @@ def test_objects_stand_in_nothing_and_have_their_classes(seed: int, tmp_path: Pa
 
 def test_the_check_for_overlaps_sees_a_car_in_a_house(tmp_path: Path) -> None:
     world = world_of(tmp_path, town(), radius_m=95, objects="{seed: 1}")
-    data = posed(world)
+    data = WorldPose(world).at(0)
     cars = [b for b in range(world.model.nbody) if world.model.body(b).name.startswith("car_")]
     data.xpos[cars[0]] = (-30.0, 45.0, 0.0)
     moved = world.model.body_pos[cars[0]].copy()
@@ -183,7 +170,7 @@ def test_bays_of_a_parking_area(
 
 def ray(world: World, start: tuple[float, float, float], way: tuple[float, float, float]) -> tuple[float, str]:
     """Return the distance to what is solid along a ray, and its instance."""
-    data, geom = posed(world), np.full((1, 1), -1, np.int32)
+    data, geom = WorldPose(world).at(0), np.full((1, 1), -1, np.int32)
     solid = world.model.geom_group.copy()
     world.model.geom_group[:] = np.where(world.model.geom_contype > 0, 0, 5)
     columns = (np.array(v, float).reshape(3, 1) for v in (start, way))
@@ -213,7 +200,7 @@ def test_a_roof_without_walls_stands_on_posts(tmp_path: Path) -> None:
     out.ring(square(30, 0, 6, 4), building="roof", height="5")
     out.ring(square(40, 0, 4, 4), building="yes", height="6")  # on which one side of it rests
     world = world_of(tmp_path, out.xml())
-    data = posed(world)
+    data = WorldPose(world).at(0)
     posts = [g for g in range(world.model.ngeom) if world.model.geom_type[g] == mujoco.mjtGeom.mjGEOM_CYLINDER]
     places = data.geom_xpos[posts, :2]
     for corner in ((24.35, 3.65), (24.35, -3.65)):
