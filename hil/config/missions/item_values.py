@@ -8,6 +8,7 @@ MAX_LOITER_M = 10_000.0  # ArduPlane takes 2550 m at most
 MAX_SPEED_MPS = 340.0
 _AS_IT_IS, _AS_SET = -1.0, -2.0  # speeds of DO_CHANGE_SPEED that are words
 TIMES = {16: "waits", 19: "loiters for", 82: "waits"}  # param 1 [s]
+DELAY = 93  # waits where the vehicle is for param 1 [s]; -1: until a time of day
 _LOITER_TURNS, _CHANGE_SPEED = 18, 178
 LOITER_RADII = {17: 2, 18: 2, 19: 2, 31: 1}  # index of the radius among the parameters, negative: counter-clockwise
 

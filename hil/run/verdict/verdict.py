@@ -24,9 +24,9 @@ altitude_error_m   Greatest |z - planned z| while cross-track is measured and th
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
-holds              A waypoint with a time to wait was flown only if the vehicle was within its reach for that time, less
-                   `LESS_HOLD_S`, before it left for the next one. A moment within reach of several counts for the first
-                   of them that still lacks time: waits at one place add up.
+holds              A waypoint, or a take-off, with a time to wait was flown only if the vehicle was within its reach for
+                   that time, less `LESS_HOLD_S`, before it left for the next one. A moment within reach of several
+                   counts for the first of them that still lacks time: waits at one place add up.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
                    `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
@@ -82,7 +82,7 @@ class Measurements:
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
-    hold_missed: str = ""  # the first waypoint at which the vehicle did not wait, in words
+    hold_missed: str = ""  # the first place at which the vehicle did not wait, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -109,8 +109,8 @@ class TakeOffHeight:
         return f"the take-off was not finished: the vehicle stayed {below_m:.3g} m below where it counts"
 
 
-class _Hold:
-    """Time within reach of a waypoint at which the plan waits."""
+class Hold:
+    """Time within reach of a place at which the plan waits."""
 
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
@@ -126,12 +126,16 @@ class _Hold:
         """True if the vehicle was not there long enough."""
         return self._inside_ns < (self._hold_s - LESS_HOLD_S) * NS_PER_S
 
-    @property
-    def text(self) -> str:
-        """Both times in words; that spent there is rounded down, so that it stays below what is enough."""
+    def text(self, number: int) -> str:
+        """Both times in words; that spent there is rounded down, so that it stays below what is enough.
+
+        `number`: of the waypoint, or 0 for the take-off.
+        """
+        where = f"waypoint {number}" if number else "the top of its take-off"
         inside_s = self._inside_ns // (NS_PER_S // 10) / 10
         enough_s = self._hold_s - LESS_HOLD_S
-        return f"{inside_s:.1f} s; the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
+        waits = f"the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
+        return f"the vehicle was at {where} for {inside_s:.1f} s; {waits}"
 
 
 class FlightMeasurement:
@@ -147,22 +151,24 @@ class FlightMeasurement:
         *,
         stride: int = 10,
         cos_tilt: Callable[[Quat], float] = cos_tilt_of,
-        holds_s: Sequence[float] = (),
+        waits: bool = False,
     ) -> None:
         """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
 
-        `holds_s`: times to wait at the waypoints; empty: none is judged.
+        `waits`: the times to wait of the legs are judged.
         """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
         height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
-        self._reaches_m = reaches_m(self._fly_legs, limits)
+        climbs = [leg for leg in legs if leg.kind is LegKind.CLIMB][:1]
+        self._places = [*self._fly_legs, *climbs]  # the take-off is number -1
+        self._reaches_m = [*reaches_m(self._fly_legs, limits), *map(top_reach_m, climbs)]
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
         self._above_m = height_m
-        self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
+        self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
         self._settle_m = _settle_distances_m(self._fly_legs)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -171,8 +177,9 @@ class FlightMeasurement:
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
         self._take_off = TakeOffHeight(legs)
-        self._holds = {i: _Hold(hold_s) for i, hold_s in enumerate(holds_s) if hold_s > LESS_HOLD_S}
-        self._staying: list[int] = []  # waypoints reached, of which the time to wait is not over
+        waits_s = {i: self._places[i].wait_s for i in range(-len(climbs), len(self._fly_legs))}
+        self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if waits and wait_s > LESS_HOLD_S}
+        self._staying = [i for i in self._holds if i < 0]  # places reached, of which the time to wait is not over
         self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
@@ -278,8 +285,8 @@ class FlightMeasurement:
         self._stay_ns = t_ns if inside and self._staying else None
 
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
-        """Return True within reach of a waypoint."""
-        dx, dy, dz = (p_WB[i] - self._fly_legs[target].end_W[i] for i in range(3))
+        """Return True within reach of a waypoint, or with -1 of the take-off."""
+        dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
         radius_m = self._reaches_m[target]
         return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
 
@@ -310,8 +317,7 @@ class FlightMeasurement:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
         missed = (i for i, hold in self._holds.items() if i < self._waypoint and hold.missed)
-        holds = (f"the vehicle was at waypoint {i + 1} for {self._holds[i].text}" for i in missed)
-        hold_missed = next(holds, "")
+        hold_missed = next((self._holds[i].text(i + 1) for i in missed), "")
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,
@@ -397,6 +403,14 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
         near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
         found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
     return found_m
+
+
+def top_reach_m(climb: Leg) -> float:
+    """Return the distance [m] from the end of a take-off within which the vehicle waits there.
+
+    Some autopilots climb above the start, others on the straight line.
+    """
+    return climb.acceptance_radius_m + REACH_MARGIN_M + _length_m(climb)
 
 
 def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:

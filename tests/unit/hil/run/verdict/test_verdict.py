@@ -189,8 +189,13 @@ def test_a_hover_over_one_place_keeps_the_margin_of_its_limit() -> None:
 
 
 def staying(stays: Sequence[tuple[Vec3, float]], legs: Sequence[Leg], holds_s: Sequence[float]) -> Measurements:
-    """Fly by jumps to places and stay there for times [s], then touch down below the last one."""
-    measurement, tick, tick_ns = FlightMeasurement(legs, stride=1, holds_s=holds_s), 0, 100_000_000
+    """Fly by jumps to places and stay there for times [s], then touch down below the last one.
+
+    `holds_s`: to wait at the waypoints; empty: no time to wait is judged.
+    """
+    waits_s = iter(holds_s or [30.0] * len(legs))
+    legs = [leg._replace(wait_s=next(waits_s)) if leg.kind is LegKind.FLY else leg for leg in legs]
+    measurement, tick, tick_ns = FlightMeasurement(legs, stride=1, waits=bool(holds_s)), 0, 100_000_000
     ground = (*stays[-1][0][:2], HOME[2])
     for p_WB, stay_s in [(HOME, 0.1), *stays, (ground, 1.0)]:  # type: ignore[list-item]
         for _ in range(round(stay_s * 10)):
