@@ -12,7 +12,15 @@ from hil.config import load_bench
 from hil.config.missions.script import Outcome
 from hil.run.bench_run import run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.judges.unflown import ANY_OUTCOME, NO_PLAN, NOT_BEGUN, NOTHING_FLIES, OUT_OF_TIME, UnflownPart
+from hil.run.parts.judges.unflown import (
+    ANY_OUTCOME,
+    NO_PLAN,
+    NOT_BEGUN,
+    NOTHING_FLIES,
+    OTHER_OUTCOME,
+    OUT_OF_TIME,
+    UnflownPart,
+)
 
 QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}", "duration_s=1")
 
@@ -65,6 +73,19 @@ def test_what_is_judged_anyhow_has_no_such_part() -> None:
         ("mission=null", "goal={p_W: [1, 2, 3]}", "companion={clients: 1, control: true}"),
     ):
         assert "unflown" not in {part.name for part in parts_of(load_bench(settings=settings))}
+
+
+def test_a_client_that_stays_may_report_another_outcome() -> None:
+    """One that reported `stuck` at once passed without a word."""
+    settings = ("mission=null", "goal={p_W: [1, 2, 3], outcome: stuck}", "companion={clients: 1, control: true}")
+    (part,) = (part for part in parts_of(load_bench(settings=settings)) if part.name == "unflown")
+    said: list[str] = []
+    run: Any = SimpleNamespace(say=lambda _kind, text: said.append(text))
+    (observe,) = part.observers()
+    at_rest: Any = SimpleNamespace(p_WB=(0.0, 0.0, 0.2), tick=0)
+    observe(at_rest)
+    part.conclude(run)
+    assert said == [OTHER_OUTCOME.format("stuck")]
 
 
 @pytest.mark.parametrize("outcome", ["complete", "any", "aborted"])
