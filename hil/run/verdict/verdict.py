@@ -27,6 +27,8 @@ final_error_m      Horizontal distance from the last true position to the end of
 holds              A waypoint, or a take-off, with a time to wait was flown only if the vehicle was within its reach for
                    that time, less `LESS_HOLD_S`, before it left for the next one. A moment within reach of several
                    counts for the first of them that still lacks time: waits at one place add up.
+landings           What follows a landing in the middle of the plan counts once the vehicle has come to rest on the
+                   ground within reach of its place; on the way there nothing is measured against the plan.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
                    `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
@@ -39,16 +41,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hil.config.missions.path import Leg, LegKind, waypoint_legs
+from hil.config.missions.path import ACCEPTANCE_RADIUS_M, Leg, LegKind, waypoint_legs
 from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from signals.documents.validate import unit_of
 from signals.errors import HilError
-from signals.rotation import cos_tilt_of
+from signals.rotation import cos_tilt_of, norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
@@ -83,6 +85,7 @@ class Measurements:
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
     hold_missed: str = ""  # the first place at which the vehicle did not wait, in words
+    landing_missed: str = ""  # the first landing in the middle of the plan that was not flown, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -151,11 +154,11 @@ class FlightMeasurement:
         *,
         stride: int = 10,
         cos_tilt: Callable[[Quat], float] = cos_tilt_of,
-        waits: bool = False,
+        whole: bool = False,
     ) -> None:
         """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
 
-        `waits`: the times to wait of the legs are judged.
+        `whole`: what a plan has besides places is judged, too: times to wait, and landings in its middle.
         """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
@@ -167,9 +170,13 @@ class FlightMeasurement:
         self._reaches_m = [*reaches_m(self._fly_legs, limits), *map(top_reach_m, climbs)]
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
+        margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
+        self._landing_reach_m = ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
         self._above_m = height_m
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
-        self._settle_m = _settle_distances_m(self._fly_legs)
+        landings = _landings_before(legs)
+        self._landings = landings if whole else {}
+        self._settle_m = _settle_distances_m(self._fly_legs, landings)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
         stays = all(_length_m(leg) <= STILL_M for leg in legs)
@@ -178,7 +185,7 @@ class FlightMeasurement:
         self._endless_item = legs[-1].seq if endless else None
         self._take_off = TakeOffHeight(legs)
         waits_s = {i: self._places[i].wait_s for i in range(-len(climbs), len(self._fly_legs))}
-        self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if waits and wait_s > LESS_HOLD_S}
+        self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if whole and wait_s > LESS_HOLD_S}
         self._staying = [i for i in self._holds if i < 0]  # places reached, of which the time to wait is not over
         self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
         self._waypoint = 0  # index of the next waypoint to reach
@@ -249,13 +256,21 @@ class FlightMeasurement:
             upright = self._cos_tilt(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
-        if self._airborne and self._waypoint < len(self._fly_legs):
+        if self._airborne and self._waypoint < len(self._fly_legs) and not self._is_to_land(truth):
             self._follow(truth.p_WB)
         if self._staying:
             self._stay(truth.t_ns, truth.p_WB)
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
+
+    def _is_to_land(self, truth: TruthState) -> bool:
+        """Return True until the vehicle has landed where the plan lands before the next waypoint."""
+        places = self._landings.get(self._waypoint, [])
+        rests = truth.in_contact and norm(truth.v_WB_W) <= REST_SPEED_MPS
+        if places and rests and math.dist(truth.p_WB[:2], places[0][:2]) <= self._landing_reach_m:
+            del places[0]
+        return bool(places)
 
     def _follow(self, p_WB: Vec3) -> None:
         """Count waypoints, and measure against the leg being flown."""
@@ -338,6 +353,9 @@ class FlightMeasurement:
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
             hold_missed=hold_missed,
+            landing_missed=f"; the plan lands before waypoint {self._waypoint + 1}, and the vehicle did not"
+            if self._landings.get(self._waypoint)
+            else "",
             endless_item=self._endless_item,
         )
 
@@ -372,14 +390,27 @@ def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
     return math.sqrt(dx * dx + dy * dy)
 
 
-def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
+def _landings_before(legs: Sequence[Leg]) -> dict[int, list[Vec3]]:
+    """Return the places at which a plan lands before it goes on to a waypoint, by the index of that waypoint."""
+    found: dict[int, list[Vec3]] = {}
+    waypoint = 0
+    for leg in legs:
+        if leg.kind is LegKind.DESCENT:
+            found.setdefault(waypoint, []).append(leg.end_W)
+        waypoint += leg.kind is LegKind.FLY
+    return found
+
+
+def _settle_distances_m(fly: Sequence[Leg], landings: Collection[int]) -> list[float]:
     """Return for every leg the distance from its start [m] at which the altitude begins to count.
 
-    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg follows a climb.
+    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg, and those to waypoints in
+    `landings`, follow a climb.
     """
     distances: list[float] = []
     flown_level_m = 0.0
-    for leg in fly:
+    for i, leg in enumerate(fly):
+        flown_level_m = 0.0 if i in landings else flown_level_m
         if _is_level(leg):
             distances.append(max(0.0, SETTLE_M - flown_level_m))
             flown_level_m += _length_m(leg)
@@ -536,7 +567,7 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
         if measured.endless_item is not None:
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
-            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints{measured.landing_missed}")
         elif measured.take_off_missed or measured.hold_missed:
             reasons.append(measured.take_off_missed or measured.hold_missed)
         else:

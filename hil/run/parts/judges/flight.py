@@ -32,8 +32,8 @@ class FlightPart(Part):
             run.legs = planned_path(run.bench.mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
         # Companions are given places alone.
-        waits = not self._config.flown_by_set_points
-        self._measured = FlightMeasurement(run.legs, self._config.limits, waits=waits)
+        whole = not self._config.flown_by_set_points
+        self._measured = FlightMeasurement(run.legs, self._config.limits, whole=whole)
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add]
