@@ -44,7 +44,8 @@ def _may_stay(bench: Bench) -> bool:
     config = bench.config
     if config.goal is not None:
         return config.goal.outcome != AT_GOAL
-    flown = bench.mission is not None or config.flown_by_set_points
+    # ROS 2 nodes that never come are judged where no script is.
+    flown = bench.mission is not None or (config.flown_by_set_points and bench.script is None)
     return not flown and config.search is None
 
 

@@ -66,6 +66,15 @@ def test_a_script_without_a_plan_that_never_flew_says_so(tmp_path: Path) -> None
     assert NO_PLAN in [row["text"] for row in run["warnings"]]
 
 
+def test_a_script_whose_nodes_never_come_says_so(tmp_path: Path) -> None:
+    """It passed without a word: the nodes in control were left to the script, and the script to them."""
+    script = tmp_path / "script.yaml"
+    script.write_text("actions: [{at_s: 0.5, param: {MIS_TAKEOFF_ALT: 5}}]\n")
+    bench = load_bench(mission=str(script), settings=(*QUICK, "ros2={domain: 3, control: true}"))
+    run = run_bench(bench, tmp_path / "run", quiet=True).run
+    assert (run["status"], run["unflown"]) == ("PASS", NO_PLAN)
+
+
 def test_what_is_judged_anyhow_has_no_such_part() -> None:
     for settings in (
         (),
