@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from hil.config.missions.item_values import DELAY, TIMES
+from hil.config.missions.item_values import DELAY, LOITER_TURNS, TIMES
 from hil.config.missions.mission import (
     GLOBAL_FRAMES,
     JUMP,
@@ -47,7 +47,8 @@ class Leg(NamedTuple):
 
     `acceptance_radius_m` is that within which its end counts as reached, at most half of its length (but no less than
     the default): the vehicle would reach a greater one, and those of waypoints around it, without flying there.
-    `wait_s` is the time that a multirotor waits at its end, with that of the delays that follow.
+    `wait_s` is the time that a multirotor waits at its end, with that of the delays that follow, and `turns` the number
+    of circles that it flies about it, clockwise positive.
     """
 
     kind: LegKind
@@ -56,6 +57,7 @@ class Leg(NamedTuple):
     end_W: Vec3
     acceptance_radius_m: float = ACCEPTANCE_RADIUS_M
     wait_s: float = 0.0
+    turns: float = 0.0
 
 
 class PlanPoint(NamedTuple):
@@ -115,13 +117,18 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
             radius_m = min(named_radius_m(item) or ACCEPTANCE_RADIUS_M, _greatest_radius_m(legs, here, there))
             wait_s = max(item.param1, 0.0) if kind in TIMES and item.param1 == item.param1 else 0.0
-            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s))
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, _turns(item)))
             here = there
         elif kind == DELAY and waits and item.param1 > 0.0:
             legs[-1] = legs[-1]._replace(wait_s=legs[-1].wait_s + item.param1)
     if endless_seq is not None:
         legs.append(Leg(LegKind.ENDLESS, endless_seq, here, here))
     return tuple(legs)
+
+
+def _turns(item: MissionItem) -> float:
+    turns = 1.0 if item.param1 != item.param1 else item.param1
+    return math.copysign(turns, item.param3) if item.command == LOITER_TURNS else 0.0
 
 
 def named_radius_m(item: MissionItem) -> float | None:

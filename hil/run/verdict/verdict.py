@@ -27,6 +27,8 @@ final_error_m      Horizontal distance from the last true position to the end of
 holds              A waypoint, or a take-off, with a time to wait was flown only if the vehicle was within its reach for
                    that time, less `LESS_HOLD_S`, before it left for the next one. A moment within reach of several
                    counts for the first of them that still lacks time: waits at one place add up.
+turns              A waypoint with a number of circles was flown only if the vehicle turned about it that often, less
+                   `LESS_TURNS`, in their direction, before it reached the next one.
 landings           What follows a landing in the middle of the plan counts once the vehicle has come to rest on the
                    ground within reach of its place; on the way there nothing is measured against the plan.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
@@ -41,7 +43,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -58,6 +60,7 @@ REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
 SETTLE_M = 5.0
+LESS_TURNS = 0.25  # of a circle: it may begin anywhere on it
 LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
 STILL_M = 0.05  # a plan whose legs are all shorter stays over one place
@@ -84,7 +87,7 @@ class Measurements:
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
-    hold_missed: str = ""  # the first place at which the vehicle did not wait, in words
+    hold_missed: str = ""  # the first place at which the vehicle did not wait, or circle, in words
     landing_missed: str = ""  # the first landing in the middle of the plan that was not flown, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
@@ -188,6 +191,9 @@ class FlightMeasurement:
         self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if whole and wait_s > LESS_HOLD_S}
         self._staying = [i for i in self._holds if i < 0]  # places reached, of which the time to wait is not over
         self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
+        self._turns = {i: leg.turns for i, leg in enumerate(self._fly_legs) if whole and abs(leg.turns) > LESS_TURNS}
+        self._turned: dict[int, float] = {}  # most turns flown in their direction: the way on may turn back
+        self._bearing = self._turning = 0.0  # from the waypoint that is circled, and turns so far
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -258,6 +264,8 @@ class FlightMeasurement:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs) and not self._is_to_land(truth):
             self._follow(truth.p_WB)
+        if self._waypoint - 1 in self._turns:
+            self._circle(truth.p_WB)
         if self._staying:
             self._stay(truth.t_ns, truth.p_WB)
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
@@ -299,6 +307,27 @@ class FlightMeasurement:
         ]
         self._stay_ns = t_ns if inside and self._staying else None
 
+    def _circle(self, p_WB: Vec3) -> None:
+        """Count the turns about the waypoint reached last."""
+        i = self._waypoint - 1
+        x, y, _ = self._fly_legs[i].end_W
+        bearing = math.atan2(p_WB[1] - y, p_WB[0] - x)
+        if i not in self._turned:
+            self._turned[i], self._bearing, self._turning = 0.0, bearing, 0.0
+        change = math.remainder(bearing - self._bearing, math.tau) / math.tau
+        self._turning -= math.copysign(change, change * self._turns[i])
+        self._bearing, self._turned[i] = bearing, max(self._turned[i], self._turning)
+
+    def _missed(self) -> Iterator[str]:
+        """Yield the waits and circles that were not flown, of the places reached, in words."""
+        for i, hold in self._holds.items():
+            if i < self._waypoint and hold.missed:
+                yield hold.text(i + 1)
+        for i, turns in self._turns.items():
+            turned = self._turned.get(i, 0.0)
+            if i < self._waypoint and turned < abs(turns) - LESS_TURNS:
+                yield f"the vehicle flew {turned:.2f} turns about waypoint {i + 1}; the plan makes {abs(turns):g}"
+
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
         """Return True within reach of a waypoint, or with -1 of the take-off."""
         dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
@@ -331,8 +360,7 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
-        missed = (i for i, hold in self._holds.items() if i < self._waypoint and hold.missed)
-        hold_missed = next((self._holds[i].text(i + 1) for i in missed), "")
+        hold_missed = next(self._missed(), "")
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,

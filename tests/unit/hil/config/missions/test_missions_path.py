@@ -89,3 +89,9 @@ def test_the_time_to_wait_of_an_item_and_of_the_delays_after_it() -> None:
         item(21, 1, 2),
     )  # fmt: skip
     assert [leg.wait_s for leg in path if leg.kind in (LegKind.CLIMB, LegKind.FLY)] == [7.0, 19.0, 3.0, 0.0]
+
+
+def test_the_circles_of_an_item() -> None:
+    one, other = item(18, 20, 2, 10, p1=2.0), item(18, 20, 2, 10, p1=float("nan"))
+    path = legs(item(22, 1, 2, 10), one, one._replace(param3=-5.0), other, item(16, 30, 2, 10, p1=3.0))
+    assert [leg.turns for leg in path] == [0.0, 2.0, -2.0, 1.0, 0.0]

@@ -132,6 +132,27 @@ def test_a_flight_that_may_be_off_its_leg_may_be_off_its_corner() -> None:
 
 
 @pytest.mark.parametrize(
+    ("turns", "flown_turns", "missed"),
+    [
+        (2.0, 2, ""),
+        (-2.0, -2, ""),
+        (2.0, 1, "the vehicle flew 1.00 turns about waypoint 1; the plan makes 2"),
+        (2.0, -2, "the vehicle flew 0.00 turns about waypoint 1; the plan makes 2"),
+        (1.0, 0, "the vehicle flew 0.00 turns about waypoint 1; the plan makes 1"),
+    ],
+)
+def test_a_plan_circles_its_waypoint(turns: float, flown_turns: int, missed: str) -> None:
+    """One that went on at once passed."""
+    home, there = (0.0, 0.0, 10.2), (20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, home), Leg(LegKind.FLY, 1, home, there, turns=turns)]
+    legs += [Leg(LegKind.FLY, 2, there, home), Leg(LegKind.DESCENT, 3, home, HOME)]
+    angles = [math.pi - math.tau * flown_turns * k / 200 for k in range(201)]
+    circle = [(20.0 + math.cos(angle), math.sin(angle), 10.2) for angle in angles]
+    measured = flown(legs, [HOME, home, *circle, home, HOME])
+    assert (measured.reached, measured.hold_missed, measured.completed) == (2, missed, not missed)
+
+
+@pytest.mark.parametrize(
     ("down_m", "away_m", "reached"), [(10.0, 0.0, 2), (9.0, 0.0, 1), (0.0, 0.0, 1), (10.0, 4.0, 1)]
 )
 def test_a_plan_lands_in_its_middle(down_m: float, away_m: float, reached: int) -> None:
