@@ -144,6 +144,33 @@ class Hold:
         return f"the vehicle was at {where} for {inside_s:.1f} s; {waits}"
 
 
+class Landings:
+    """Landings in the middle of a plan. `due`: their places not yet landed at, by the index of the next waypoint."""
+
+    def __init__(self, legs: Sequence[Leg], limits: Limits) -> None:
+        margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
+        self._reach_m = ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
+        self.due: dict[int, list[Vec3]] = {}
+        waypoint = 0
+        for leg in legs:
+            if leg.kind is LegKind.DESCENT:
+                self.due.setdefault(waypoint, []).append(leg.end_W)
+            waypoint += leg.kind is LegKind.FLY
+
+    def add(self, truth: TruthState, waypoint: int) -> None:
+        """Add a true state on the way to a waypoint, by its index."""
+        places = self.due.get(waypoint)
+        if not places or not truth.in_contact or norm(truth.v_WB_W) > REST_SPEED_MPS:
+            return
+        if math.dist(truth.p_WB[:2], places[0][:2]) <= self._reach_m:
+            del places[0]
+
+    def missed(self, waypoint: int) -> str:
+        """Return that the vehicle did not land on the way to a waypoint, in words; empty: nothing is due."""
+        due = self.due.get(waypoint)
+        return f"the plan lands before waypoint {waypoint + 1}, and the vehicle did not" if due else ""
+
+
 class FlightMeasurement:
     """Measures a flight tick by tick, in constant memory and time per tick whatever the length of the plan.
 
@@ -173,13 +200,11 @@ class FlightMeasurement:
         self._reaches_m = [*reaches_m(self._fly_legs, limits), *map(top_reach_m, climbs)]
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
-        margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
-        self._landing_reach_m = ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
         self._above_m = height_m
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
-        landings = _landings_before(legs)
-        self._landings = landings if whole else {}
-        self._settle_m = _settle_distances_m(self._fly_legs, landings)
+        landings = Landings(legs, limits)
+        self._landings = landings if whole else Landings((), limits)
+        self._settle_m = _settle_distances_m(self._fly_legs, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
         stays = all(_length_m(leg) <= STILL_M for leg in legs)
@@ -262,7 +287,8 @@ class FlightMeasurement:
             upright = self._cos_tilt(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
-        if self._airborne and self._waypoint < len(self._fly_legs) and not self._is_to_land(truth):
+        self._landings.add(truth, self._waypoint)
+        if self._airborne and self._waypoint < len(self._fly_legs) and not self._landings.due.get(self._waypoint):
             self._follow(truth.p_WB)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
@@ -271,14 +297,6 @@ class FlightMeasurement:
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
-
-    def _is_to_land(self, truth: TruthState) -> bool:
-        """Return True until the vehicle has landed where the plan lands before the next waypoint."""
-        places = self._landings.get(self._waypoint, [])
-        rests = truth.in_contact and norm(truth.v_WB_W) <= REST_SPEED_MPS
-        if places and rests and math.dist(truth.p_WB[:2], places[0][:2]) <= self._landing_reach_m:
-            del places[0]
-        return bool(places)
 
     def _follow(self, p_WB: Vec3) -> None:
         """Count waypoints, and measure against the leg being flown."""
@@ -381,9 +399,7 @@ class FlightMeasurement:
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
             hold_missed=hold_missed,
-            landing_missed=f"; the plan lands before waypoint {self._waypoint + 1}, and the vehicle did not"
-            if self._landings.get(self._waypoint)
-            else "",
+            landing_missed=self._landings.missed(self._waypoint),
             endless_item=self._endless_item,
         )
 
@@ -416,17 +432,6 @@ def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
     s = min(1.0, max(0.0, (px * bx + py * by) / squared)) if squared > 0.0 else 0.0
     dx, dy = px - s * bx, py - s * by
     return math.sqrt(dx * dx + dy * dy)
-
-
-def _landings_before(legs: Sequence[Leg]) -> dict[int, list[Vec3]]:
-    """Return the places at which a plan lands before it goes on to a waypoint, by the index of that waypoint."""
-    found: dict[int, list[Vec3]] = {}
-    waypoint = 0
-    for leg in legs:
-        if leg.kind is LegKind.DESCENT:
-            found.setdefault(waypoint, []).append(leg.end_W)
-        waypoint += leg.kind is LegKind.FLY
-    return found
 
 
 def _settle_distances_m(fly: Sequence[Leg], landings: Collection[int]) -> list[float]:
@@ -595,7 +600,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
         if measured.endless_item is not None:
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
-            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints{measured.landing_missed}")
+            missed = f"; {measured.landing_missed}" if measured.landing_missed else ""
+            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints{missed}")
         elif measured.take_off_missed or measured.hold_missed:
             reasons.append(measured.take_off_missed or measured.hold_missed)
         else:
