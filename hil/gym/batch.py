@@ -192,7 +192,11 @@ class Batch:
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has at every step: a value for each vehicle, in arrays that are not changed later."""
-        values = {"t_s": self.steps * self._step_s, "touched": self._touched, "crashed": self._crashed}
+        values: dict[str, NDArray[Any]] = {
+            "t_s": self.steps * self._step_s,
+            "touched": self._touched,
+            "crashed": self._crashed,
+        }
         values |= self.task.info()
         if "is_success" in values:  # what it hit at its goal is no success
             values["is_success"] = values["is_success"] & ~self._crashed

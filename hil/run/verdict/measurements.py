@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation
-from hil.run.verdict.verdict import AIRBORNE_M, Row, Verdict
+from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, Row, Verdict
 from signals.rotation import cos_tilt_of, norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
@@ -61,6 +61,7 @@ class DeclaredMeasurements:
         self._lift_off_ns: int | None = None
         self._touch_down_ns: int | None = None
         self._touch_down_up_m = math.inf
+        self._contact_ns = 0
         self._last_ns = self._tick_ns = 0
 
     def add(self, truth: TruthState) -> None:
@@ -69,9 +70,11 @@ class DeclaredMeasurements:
         if home is None:
             home = self._home = truth.p_WB
         self._tick_ns, self._last_ns = truth.t_ns - self._last_ns, truth.t_ns
+        self._contact_ns = truth.t_ns if truth.in_contact else self._contact_ns
         for window in self._windows:
             if window.begin_ns <= truth.t_ns <= window.end_ns:
                 window.add(truth, home)
+                window.flew |= truth.t_ns - self._contact_ns > REST_CONTACT_NS  # one at rest trembles
         if truth.in_contact:
             if not self._contact and self._lift_off_ns is not None:
                 self._touch_down_ns, self._touch_down_up_m = truth.t_ns, truth.p_WB[2]
@@ -128,7 +131,6 @@ class _Window:
             if self._start is None:
                 self._start = truth.p_WB
             home = self._start
-        self.flew = self.flew or not truth.in_contact
         value, so_far = self._measure(truth, home), self.value
         # The comparisons are negated so that a NaN stays.
         if so_far is None or (so_far == so_far and not (value >= so_far if self._is_minimum else value <= so_far)):
