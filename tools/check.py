@@ -8,6 +8,7 @@ reached; what is left out then is printed. Tests that start processes or browser
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import subprocess
@@ -130,6 +131,7 @@ def _tell_tests(tests: Sequence[Path]) -> None:
 
 def main() -> int:
     """Run everything; return the first status that is not 0."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter).parse_args()
     end_s = time.time() + LIMIT_S
     here = Path(sys.executable).parent
     changed = changed_files()

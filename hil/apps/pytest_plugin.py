@@ -169,28 +169,31 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.hookimpl(wrapper=True, specname="pytest_runtest_setup")
 def pytest_runtest_skipped_setup(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights of a fixture that then skips the test."""
-    return (yield from _checked_if_skipped(item))
+    return (yield from _checked_if_left(item, since=0))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights of a passed test: here and not at teardown, where a fault would count as an error.
 
-    Also those of a test that then skips itself, which nobody looks at.
+    Also those of a test that then skips itself or calls `pytest.xfail`, which nobody looks at.
     """
-    outcome = yield from _checked_if_skipped(item)
+    outcome = yield from _checked_if_left(item, since=0)
     _check_flights(item, since=0)
     return outcome
 
 
-def _checked_if_skipped(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Run what a hook wraps; if it skips the test, check the flights made so far."""
+def _checked_if_left(item: pytest.Item, *, since: int) -> Generator[None, Any, Any]:
+    """Run what a hook wraps; if it skips the test or calls `pytest.xfail`, check the flights from number `since` on.
+
+    A test that the marker `xfail` expects to fail may do so for its flights.
+    """
     from unittest import SkipTest
 
     try:
         return (yield)
-    except (pytest.skip.Exception, SkipTest):
-        _check_flights(item, since=0)
+    except (pytest.skip.Exception, pytest.xfail.Exception, SkipTest):
+        _check_flights(item, since=since)
         raise
 
 
@@ -199,7 +202,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, Any, Any]:
     """Check the flights that fixtures make after the test, which it cannot have judged."""
     rig = item.stash.get(_RIG, None)
     before = 0 if rig is None else len(rig.runs)
-    outcome = yield
+    outcome = yield from _checked_if_left(item, since=before)
     _check_flights(item, since=before)
     return outcome
 

@@ -385,13 +385,14 @@ class FailsafeExpected(Section):
 
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+AT_GOAL = "goal"  # outcome of a flight that reached it
 
 
 class Goal(Section):
     """A position to which the companion must find a path. It is sent to the companion as the only waypoint."""
 
     p_W: tuple[Coordinate, Coordinate, Coordinate]  # [m]; z is the height of the flight
-    outcome: str = "goal"  # expected report of the client; another one if the goal cannot be reached
+    outcome: str = AT_GOAL  # expected report of the client; another one if the goal cannot be reached
     within_m: DistanceLimit | None = 1.5
     min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # between the vehicle and any geometry
     # Flown length over that of the shortest path on the full map.

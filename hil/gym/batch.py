@@ -192,14 +192,23 @@ class Batch:
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has at every step: a value for each vehicle, in arrays that are not changed later."""
-        values = {"t_s": self.steps * self._step_s, "touched": self._touched, "crashed": self._crashed}
-        return {name: value.copy() for name, value in (values | self.task.info()).items()}
+        values: dict[str, NDArray[Any]] = {
+            "t_s": self.steps * self._step_s,
+            "touched": self._touched,
+            "crashed": self._crashed,
+        }
+        values |= self.task.info()
+        if "is_success" in values:  # what it hit at its goal is no success
+            values["is_success"] = values["is_success"] & ~self._crashed
+        return {name: value.copy() for name, value in values.items()}
 
     def info(self, row: int) -> dict[str, Any]:
         """Return the `info` of one vehicle."""
         own: dict[str, Any] = self.task.info_of(row)
         own["t_s"] = int(self.steps[row]) * self._step_s
         own["touched"], own["crashed"] = bool(self._touched[row]), bool(self._crashed[row])
+        if "is_success" in own:
+            own["is_success"] = own["is_success"] and not own["crashed"]
         return own
 
     def first_info(self, row: int) -> dict[str, Any]:

@@ -159,7 +159,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     """Run `run_dir/bench.yaml` again with `run(config, out_dir)` and compare.
 
     `out_dir` defaults to `run_dir/replay`. Raises ConfigError if there is no such folder, RecordingError if the
-    run has no recording or no configuration, or was not repeatable.
+    run has no recording or no configuration, or was not repeatable, or the fresh recording was cut off.
     """
     config, recorded = run_files(run_dir, "replayed", whole="hil replay {run}")
     _refuse_not_repeatable(run_dir)
@@ -173,8 +173,12 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     fresh = out / MCAP_NAME
     if not fresh.is_file():
         raise RecordingError(f"{out}: the fresh run left no {MCAP_NAME}; is record.mcap on in {config}?")
-    difference = compare(recorded, fresh)
     a, b = Recording(recorded).scan(), Recording(fresh).scan()
+    if not b.complete:
+        raise RecordingError(
+            f"{fresh}: is cut off, so the fresh run says nothing; replay into a folder with room (--out)"
+        )
+    difference = compare(recorded, fresh)
     ticks = min(a.whole_ns, b.whole_ns) // _tick_ns(a, b) + 1
     digests, digest = _whole_digests(run_dir, a), _digest(b)
     recorded_digest = next((one for one in digests if one != digest), next(iter(digests), None))

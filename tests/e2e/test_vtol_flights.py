@@ -55,6 +55,25 @@ def test_loiters_and_a_waypoint_in_hover_between_two_flights_on_the_wings(tmp_pa
     assert mission["final_error_m"] < 0.7
 
 
+def test_a_delivery_in_the_middle_of_a_plan(tmp_path: Path) -> None:
+    """The way to the landing counted as cross-track, of 200 m; of one that was left out nothing was told."""
+    items: list[Item] = [
+        (84, FLAT, (0.0, 0.0), 30.0),
+        (16, FLAT, (350.0, 0.0), 40.0),
+        (85, FLAT, (350.0, 200.0), 0.0),
+        (84, FLAT, (350.0, 200.0), 30.0),
+        (16, FLAT, (0.0, 200.0), 40.0),
+        (85, FLAT, (0.0, 0.0), 0.0),
+    ]
+    result = fly(tmp_path, items=items)
+    assert result.status == "PASS", result.run["verdict"]
+    script = tmp_path / "skips.yaml"
+    script.write_text("plan: flown.waypoints\nactions:\n  - {after: waypoint 1, command: {id: 224, params: [4]}}\n")
+    bench = load_bench(tmp_path / "bench.yaml", mission=str(script))
+    skipped = run_bench(bench, tmp_path / "skipped", quiet=True)
+    assert "the plan lands before waypoint 2, and the vehicle did not" in reasons(skipped)
+
+
 def test_return_from_hover(tmp_path: Path) -> None:
     items: list[Item] = [
         (22, FLAT, (0.0, 0.0), 20.0),

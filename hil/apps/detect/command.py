@@ -242,13 +242,16 @@ def _print_table(result: Evaluation, console: Console, title: str) -> None:
         cells = [row["average_precision"], row["recall"], row["precision"]]
         table.add_row(name, str(row["objects"]), *("-" if c is None else f"{c:.3f}" for c in cells))
     console.print(table)
+    if result.others:
+        others = ", ".join(f"{name} ({count})" for name, count in result.others.items())
+        console.print(f"not evaluated, classes that the model does not have: {others}", markup=False)
     false_boxes = f"false boxes per picture at {result.threshold:g}: {result.false_boxes():.3f}"
     if math.isnan(result.mean_average_precision):
         console.print(
             f"warning: no picture has an object of the model's classes: only false boxes count; {false_boxes}"
         )
     else:
-        console.print(f"mAP@0.5 of all classes {result.mean_average_precision:.3f}; {false_boxes}")
+        console.print(f"mAP@0.5 of the model's classes {result.mean_average_precision:.3f}; {false_boxes}")
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:

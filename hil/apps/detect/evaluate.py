@@ -7,8 +7,9 @@ used in flight. The mean average precision is the mean over those of the model's
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,15 @@ FALSE_BOXES_PER_PICTURE = 0.15  # target for which a threshold is chosen
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results of one detector by class, over a number of pictures; `threshold` is the detector's score threshold."""
+    """Results of one detector by class, over a number of pictures; `threshold` is the detector's score threshold.
+
+    `others`: numbers of objects of classes that the model does not have, which no figure counts.
+    """
 
     classes: dict[str, ClassResult]
     pictures: int
     threshold: float
+    others: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def mean_average_precision(self) -> float:
@@ -69,6 +74,7 @@ class Evaluation:
             "threshold": self.threshold,
             "false_boxes_per_picture": _finite_or_none(self.false_boxes()),
             "classes": rows,
+            "not_evaluated": dict(self.others),
         }
 
 
@@ -95,4 +101,7 @@ def evaluation_of(
     threshold: float, pictures: Sequence[Picture], detections: Sequence[Sequence[Detection]], classes: Sequence[str]
 ) -> Evaluation:
     """Return the evaluation at a score threshold; `detections[i]` are those in `pictures[i]`, by falling score."""
-    return Evaluation(evaluate_classes(pictures, detections, classes), len(pictures), threshold)
+    others = Counter(label for picture in pictures for label in picture.labels if label not in classes)
+    return Evaluation(
+        evaluate_classes(pictures, detections, classes), len(pictures), threshold, dict(others.most_common())
+    )

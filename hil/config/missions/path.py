@@ -7,16 +7,19 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
+from hil.config.missions.item_values import DELAY, LOITER_TURNS, TIMES
 from hil.config.missions.mission import (
     GLOBAL_FRAMES,
     JUMP,
     LAND_COMMANDS,
+    PLACE_COMMANDS,
     RETURN,
     TAKEOFF_COMMANDS,
     TERRAIN_FRAMES,
     WAYPOINT_COMMANDS,
     Mission,
 )
+from hil.config.missions.regimes import TRANSITION
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
 from signals.samples import Vec3
@@ -44,6 +47,8 @@ class Leg(NamedTuple):
 
     `acceptance_radius_m` is that within which its end counts as reached, at most half of its length (but no less than
     the default): the vehicle would reach a greater one, and those of waypoints around it, without flying there.
+    `wait_s` is the time that a multirotor waits at its end, with that of the delays that follow, and `turns` the number
+    of circles that it flies about it, clockwise positive.
     """
 
     kind: LegKind
@@ -51,6 +56,8 @@ class Leg(NamedTuple):
     start_W: Vec3
     end_W: Vec3
     acceptance_radius_m: float = ACCEPTANCE_RADIUS_M
+    wait_s: float = 0.0
+    turns: float = 0.0
 
 
 class PlanPoint(NamedTuple):
@@ -89,8 +96,10 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
     legs: list[Leg] = []
     here = home_W
     order, endless_seq = _flown_order(mission.items)
+    waits = False  # at the end of the newest leg: after a transition, a VTOL is elsewhere
     for item in order:
         kind = item.command
+        waits = kind in PLACE_COMMANDS or (waits and kind != TRANSITION)
         if kind == RETURN:
             above = (home_W[0], home_W[1], here[2])
             legs += [Leg(LegKind.RETURN, item.seq, here, above), Leg(LegKind.DESCENT, item.seq, above, home_W)]
@@ -107,11 +116,19 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             there = _place(item, frame, scene, here, home_W)
             leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
             radius_m = min(named_radius_m(item) or ACCEPTANCE_RADIUS_M, _greatest_radius_m(legs, here, there))
-            legs.append(Leg(leg_kind, item.seq, here, there, radius_m))
+            wait_s = max(item.param1, 0.0) if kind in TIMES and item.param1 == item.param1 else 0.0
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, _turns(item)))
             here = there
+        elif kind == DELAY and waits and item.param1 > 0.0:
+            legs[-1] = legs[-1]._replace(wait_s=legs[-1].wait_s + item.param1)
     if endless_seq is not None:
         legs.append(Leg(LegKind.ENDLESS, endless_seq, here, here))
     return tuple(legs)
+
+
+def _turns(item: MissionItem) -> float:
+    turns = 1.0 if item.param1 != item.param1 else item.param1
+    return math.copysign(turns, item.param3) if item.command == LOITER_TURNS else 0.0
 
 
 def named_radius_m(item: MissionItem) -> float | None:

@@ -13,7 +13,7 @@ from importlib import import_module
 from firmware_bridge.autopilots.settings import MockFaults
 from hil.config import Bench
 from hil.config.checks.part_settings import part_module
-from hil.config.schema import Faults
+from hil.config.schema import AT_GOAL, Faults
 from hil.run.part import Part
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
@@ -42,8 +42,11 @@ def _may_stay(bench: Bench) -> bool:
     if bench.outcome in ("aborted", "any"):
         return True
     config = bench.config
-    flown = bench.mission is not None or config.flown_by_set_points
-    return not flown and config.goal is None and config.search is None
+    if config.goal is not None:
+        return config.goal.outcome != AT_GOAL
+    # ROS 2 nodes that never come are judged where no script is.
+    flown = bench.mission is not None or (config.flown_by_set_points and bench.script is None)
+    return not flown and config.search is None
 
 
 def _may_touch(bench: Bench) -> bool:

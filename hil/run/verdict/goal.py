@@ -12,7 +12,8 @@ path_ratio       horizontal length of the path flown, divided by the length of t
                  keeps `min_clearance_m` on the full map (`hil.run.verdict.shortest_path`)
 
 If the bench expects an outcome other than `goal`, error and ratio are not judged, nor is the clearance of a flight that
-never reached half its height.
+never reached half its height. `goal_in_obstacle` is false where a path leads to the goal with 2 m of clearance, or
+`min_clearance_m` if that is more: clients call a goal nearer to an obstacle one in it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil.config.schema import Goal
+from hil.config.schema import AT_GOAL, Goal
 from hil.run.verdict.clearance import Clearance, vehicle_radius_m
 from hil.run.verdict.shortest_path import length_m, shortest_path
 from hil.run.verdict.true_slice import true_slice
@@ -32,10 +33,11 @@ from signals.time import NS_PER_S
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
-_FLYING, _AT_GOAL = "flying", "goal"  # outcomes reported by clients
+_FLYING, _IN_OBSTACLE = "flying", "goal_in_obstacle"  # outcomes reported by clients
 _SAMPLE_PERIOD_NS = NS_PER_S // 10
 _MAP_MARGIN_M = 45.0  # the full map extends this far beyond start and goal
 _DEFAULT_CLEARANCE_M = 0.5
+_OPEN_M = 2.0
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class GoalResult:
     path_m: float | None = None
     shortest_m: float | None = None
     path_ratio: float | None = None
+    open_path_m: float | None = None  # length of the shortest path of a goal that is in no obstacle
     client: Mapping[str, Any] = field(default_factory=dict)
 
     def as_map(self) -> dict[str, Any]:
@@ -108,22 +111,15 @@ class GoalMeasurement:
         half_height_m = home[2] + 0.5 * (z - home[2])
         first = next((i for i, (_, p) in enumerate(self._track) if p[2] >= half_height_m), len(self._track))
         path = self._track[first:]
-        clearance_m = path_m = shortest_m = ratio = None
+        clearance_m = path_m = shortest_m = ratio = open_path_m = None
         if path:
             meter = Clearance(geometry)
             clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in path) - self._radius_m
             path_m = length_m([(p[0], p[1]) for _, p in path])
-            keep_out_m = self._radius_m + (goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
-            margin_m = _MAP_MARGIN_M
-            area_W = (
-                *(min(home[0], x) - margin_m, min(home[1], y) - margin_m),
-                *(max(home[0], x) + margin_m, max(home[1], y) + margin_m),
-            )
-            full_map = true_slice(geometry, low_m=z - keep_out_m, high_m=z + keep_out_m, area_W=area_W)
-            shortest = shortest_path(full_map, (home[0], home[1]), (x, y), clearance_m=keep_out_m)
-            if shortest is not None:
-                shortest_m = length_m(shortest)
-                ratio = path_m / shortest_m if shortest_m > 0.0 else None
+            shortest_m = self._shortest_m(geometry, home, goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
+            ratio = path_m / shortest_m if shortest_m else None
+        if goal.outcome == _IN_OBSTACLE:
+            open_path_m = self._shortest_m(geometry, home, max(goal.min_clearance_m or 0.0, _OPEN_M))
         outcome = str(self._report.get("outcome", ""))
         self.result = GoalResult(
             outcome,
@@ -135,8 +131,21 @@ class GoalMeasurement:
             path_m,
             shortest_m,
             ratio,
+            open_path_m,
             dict(self._report),
         )
+
+    def _shortest_m(self, geometry: FrameGeometry, home: Vec3, keep_m: float) -> float | None:
+        """Return the length [m] of the shortest path to the goal on the full map; None: none leads there."""
+        (x, y, z), margin_m = self._goal.p_W, _MAP_MARGIN_M
+        above_m = self._radius_m + (self._goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
+        area_W = (
+            *(min(home[0], x) - margin_m, min(home[1], y) - margin_m),
+            *(max(home[0], x) + margin_m, max(home[1], y) + margin_m),
+        )
+        full_map = true_slice(geometry, low_m=z - above_m, high_m=z + above_m, area_W=area_W)
+        shortest = shortest_path(full_map, (home[0], home[1]), (x, y), clearance_m=self._radius_m + keep_m)
+        return None if shortest is None else length_m(shortest)
 
 
 def _judge_goal(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
@@ -146,7 +155,10 @@ def _judge_goal(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
         reported = f"reported the outcome {result.outcome!r}" if result.outcome else "reported no outcome"
         why = f" ({result.why})" if result.why else ""
         reasons.append(f"the client {reported}{why}, but the bench expects {goal.outcome!r}")
-    at_goal = goal.outcome == _AT_GOAL
+    if result.open_path_m is not None:
+        leads = f"a path of {result.open_path_m:.3g} m leads to it, far from all obstacles"
+        reasons.append(f"the bench expects {goal.outcome!r}, but the goal is in none: {leads}")
+    at_goal = goal.outcome == AT_GOAL
     judge_clearance = result.clearance_m is not None or at_goal  # other outcomes may occur below half the height
     rows, failed = rows_within(
         ("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m", False),

@@ -15,7 +15,8 @@
 
 All but the last two use the ticks from `from_s` to `to_s`, both included, by default the whole run. A measurement that
 has a limit fails if it was never taken (the run ended too early, the vehicle never touched down), if the run ended
-before `to_s` and the rest of the window could have broken the limit, and if it is NaN.
+before `to_s` and the rest of the window could have broken the limit, and if it is NaN. So does a drift of which the
+whole window was on the ground: nothing hovered. A flight that has not ended has no time to complete.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from typing import NamedTuple
 
 from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation
-from hil.run.verdict.verdict import AIRBORNE_M, Row, Verdict
+from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, Row, Verdict
 from signals.rotation import cos_tilt_of, norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
@@ -45,6 +46,7 @@ class Measured(NamedTuple):
     value: float | None
     lift_off_s: float | None = None
     cut_s: float | None = None  # the run ended then, before the end of the window; None: it did not
+    flew: bool = True  # False: the vehicle was on the ground in the whole window
 
 
 class DeclaredMeasurements:
@@ -58,6 +60,8 @@ class DeclaredMeasurements:
         self._contact = True
         self._lift_off_ns: int | None = None
         self._touch_down_ns: int | None = None
+        self._touch_down_up_m = math.inf
+        self._contact_ns = 0
         self._last_ns = self._tick_ns = 0
 
     def add(self, truth: TruthState) -> None:
@@ -66,12 +70,16 @@ class DeclaredMeasurements:
         if home is None:
             home = self._home = truth.p_WB
         self._tick_ns, self._last_ns = truth.t_ns - self._last_ns, truth.t_ns
+        self._contact_ns = truth.t_ns if truth.in_contact else self._contact_ns
         for window in self._windows:
             if window.begin_ns <= truth.t_ns <= window.end_ns:
                 window.add(truth, home)
+                window.flew |= truth.t_ns - self._contact_ns > REST_CONTACT_NS  # one at rest trembles
         if truth.in_contact:
             if not self._contact and self._lift_off_ns is not None:
-                self._touch_down_ns = truth.t_ns
+                self._touch_down_ns, self._touch_down_up_m = truth.t_ns, truth.p_WB[2]
+        elif truth.p_WB[2] > self._touch_down_up_m + AIRBORNE_M:
+            self._touch_down_ns, self._touch_down_up_m = None, math.inf  # it flies on
         elif self._lift_off_ns is None and truth.p_WB[2] > home[2] + AIRBORNE_M:
             self._lift_off_ns = truth.t_ns
         self._contact = truth.in_contact
@@ -97,7 +105,9 @@ class DeclaredMeasurements:
                 )
             else:
                 cut = e.to_s is not None and run_end_ns < windows[id(e)].end_ns
-                results.append(Measured(e, windows[id(e)].value, lift_off_s, run_end_ns / NS_PER_S if cut else None))
+                window = windows[id(e)]
+                cut_s = run_end_ns / NS_PER_S if cut else None
+                results.append(Measured(e, window.value, lift_off_s, cut_s, window.flew))
         return results
 
 
@@ -109,9 +119,10 @@ class _Window:
         self.begin_ns = 0 if expectation.from_s is None else round(expectation.from_s * NS_PER_S)
         self.end_ns = _NEVER_NS if expectation.to_s is None else round(expectation.to_s * NS_PER_S)
         self.value: float | None = None
+        self.flew = False
         self._measure = measure
         self._is_minimum = expectation.measure.startswith("min_")
-        self._drift = expectation.measure.endswith("_drift_m")
+        self._drift = _is_drift(expectation)
         self._start: Vec3 | None = None
 
     def add(self, truth: TruthState, home: Vec3) -> None:
@@ -124,6 +135,10 @@ class _Window:
         # The comparisons are negated so that a NaN stays.
         if so_far is None or (so_far == so_far and not (value >= so_far if self._is_minimum else value <= so_far)):
             self.value = value
+
+
+def _is_drift(expectation: Expectation) -> bool:
+    return expectation.measure.endswith("_drift_m")
 
 
 def _degrees(cosine: float) -> float:
@@ -148,14 +163,14 @@ _MEASURES: dict[str, Callable[[TruthState, Vec3], float]] = {
 
 
 def measured_on_ground(declared: Sequence[Measured]) -> list[str]:
-    """Describe the measurements with a limit whose window was over before the vehicle took off."""
+    """Describe the measurements with a limit in whose window the vehicle, which flew later or before, did not."""
     return [
         f"{m.expectation.label} was measured on the ground{_when(m)}: its limit says nothing of the flight"
         for m in declared
         if not (m.expectation.at_most is None and m.expectation.at_least is None)
-        and m.expectation.to_s is not None
         and m.lift_off_s is not None
-        and m.expectation.to_s <= m.lift_off_s
+        and m.value is not None
+        and not (m.flew or _is_drift(m.expectation))
     ]
 
 
@@ -189,6 +204,8 @@ def _row_and_reasons(measured: Measured) -> tuple[Row, list[str]]:
             reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed{when}")
         if e.at_least is not None and not value >= e.at_least:
             reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}{when}")
+        if limits and not measured.flew and _is_drift(e):
+            reasons.append(f"{label} was measured on the ground{when}: nothing hovered")
         # A maximum can only rise in the rest of the window, a minimum only fall.
         open_limit = e.at_least if e.measure.startswith("min_") else e.at_most
         if open_limit is not None and not reasons and measured.cut_s is not None:

@@ -24,9 +24,13 @@ altitude_error_m   Greatest |z - planned z| while cross-track is measured and th
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
-holds              A waypoint with a time to wait was flown only if the vehicle was within its reach for that time, less
-                   `LESS_HOLD_S`, before it left for the next one. A moment within reach of several counts for the first
-                   of them that still lacks time: waits at one place add up.
+holds              A waypoint, or a take-off, with a time to wait was flown only if the vehicle was within its reach for
+                   that time, less `LESS_HOLD_S`, before it left for the next one. A moment within reach of several
+                   counts for the first of them that still lacks time: waits at one place add up.
+turns              A waypoint with a number of circles was flown only if the vehicle turned about it that often, less
+                   `LESS_TURNS`, in their direction, before it reached the next one.
+landings           What follows a landing in the middle of the plan counts once the vehicle has come to rest on the
+                   ground within reach of its place; on the way there nothing is measured against the plan.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
                    `REACH_HEIGHT_M` or half the climb, whichever is less.
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
@@ -39,16 +43,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hil.config.missions.path import Leg, LegKind, waypoint_legs
+from hil.config.missions.path import ACCEPTANCE_RADIUS_M, Leg, LegKind, waypoint_legs
 from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from signals.documents.validate import unit_of
 from signals.errors import HilError
-from signals.rotation import cos_tilt_of
+from signals.rotation import cos_tilt_of, norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
@@ -56,6 +60,7 @@ REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
 SETTLE_M = 5.0
+LESS_TURNS = 0.25  # of a circle: it may begin anywhere on it
 LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
 STILL_M = 0.05  # a plan whose legs are all shorter stays over one place
@@ -82,7 +87,8 @@ class Measurements:
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
-    hold_missed: str = ""  # the first waypoint at which the vehicle did not wait, in words
+    hold_missed: str = ""  # the first place at which the vehicle did not wait, or circle, in words
+    landing_missed: str = ""  # the first landing in the middle of the plan that was not flown, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
@@ -109,8 +115,8 @@ class TakeOffHeight:
         return f"the take-off was not finished: the vehicle stayed {below_m:.3g} m below where it counts"
 
 
-class _Hold:
-    """Time within reach of a waypoint at which the plan waits."""
+class Hold:
+    """Time within reach of a place at which the plan waits."""
 
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
@@ -126,12 +132,43 @@ class _Hold:
         """True if the vehicle was not there long enough."""
         return self._inside_ns < (self._hold_s - LESS_HOLD_S) * NS_PER_S
 
-    @property
-    def text(self) -> str:
-        """Both times in words; that spent there is rounded down, so that it stays below what is enough."""
+    def text(self, number: int) -> str:
+        """Both times in words; that spent there is rounded down, so that it stays below what is enough.
+
+        `number`: of the waypoint, or 0 for the take-off.
+        """
+        where = f"waypoint {number}" if number else "the top of its take-off"
         inside_s = self._inside_ns // (NS_PER_S // 10) / 10
         enough_s = self._hold_s - LESS_HOLD_S
-        return f"{inside_s:.1f} s; the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
+        waits = f"the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
+        return f"the vehicle was at {where} for {inside_s:.1f} s; {waits}"
+
+
+class Landings:
+    """Landings in the middle of a plan. `due`: their places not yet landed at, by the index of the next waypoint."""
+
+    def __init__(self, legs: Sequence[Leg], limits: Limits) -> None:
+        margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
+        self._reach_m = ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
+        self.due: dict[int, list[Vec3]] = {}
+        waypoint = 0
+        for leg in legs:
+            if leg.kind is LegKind.DESCENT:
+                self.due.setdefault(waypoint, []).append(leg.end_W)
+            waypoint += leg.kind is LegKind.FLY
+
+    def add(self, truth: TruthState, waypoint: int) -> None:
+        """Add a true state on the way to a waypoint, by its index."""
+        places = self.due.get(waypoint)
+        if not places or not truth.in_contact or norm(truth.v_WB_W) > REST_SPEED_MPS:
+            return
+        if math.dist(truth.p_WB[:2], places[0][:2]) <= self._reach_m:
+            del places[0]
+
+    def missed(self, waypoint: int) -> str:
+        """Return that the vehicle did not land on the way to a waypoint, in words; empty: nothing is due."""
+        due = self.due.get(waypoint)
+        return f"the plan lands before waypoint {waypoint + 1}, and the vehicle did not" if due else ""
 
 
 class FlightMeasurement:
@@ -147,23 +184,27 @@ class FlightMeasurement:
         *,
         stride: int = 10,
         cos_tilt: Callable[[Quat], float] = cos_tilt_of,
-        holds_s: Sequence[float] = (),
+        whole: bool = False,
     ) -> None:
         """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
 
-        `holds_s`: times to wait at the waypoints; empty: none is judged.
+        `whole`: what a plan has besides places is judged, too: times to wait, and landings in its middle.
         """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
         self._stride = stride
         height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
         self._fly_legs = waypoint_legs(legs)
-        self._reaches_m = reaches_m(self._fly_legs, limits)
+        climbs = [leg for leg in legs if leg.kind is LegKind.CLIMB][:1]
+        self._places = [*self._fly_legs, *climbs]  # the take-off is number -1
+        self._reaches_m = [*reaches_m(self._fly_legs, limits), *map(top_reach_m, climbs)]
         home_up_m = legs[0].start_W[2] if legs else 0.0
         least_m = REACH_HEIGHT_M if limits.altitude_error_m is None else UNJUDGED_M
         self._above_m = height_m
-        self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._fly_legs]
-        self._settle_m = _settle_distances_m(self._fly_legs)
+        self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
+        landings = Landings(legs, limits)
+        self._landings = landings if whole else Landings((), limits)
+        self._settle_m = _settle_distances_m(self._fly_legs, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
         stays = all(_length_m(leg) <= STILL_M for leg in legs)
@@ -171,9 +212,13 @@ class FlightMeasurement:
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
         self._take_off = TakeOffHeight(legs)
-        self._holds = {i: _Hold(hold_s) for i, hold_s in enumerate(holds_s) if hold_s > LESS_HOLD_S}
-        self._staying: list[int] = []  # waypoints reached, of which the time to wait is not over
+        waits_s = {i: self._places[i].wait_s for i in range(-len(climbs), len(self._fly_legs))}
+        self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if whole and wait_s > LESS_HOLD_S}
+        self._staying = [i for i in self._holds if i < 0]  # places reached, of which the time to wait is not over
         self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
+        self._turns = {i: leg.turns for i, leg in enumerate(self._fly_legs) if whole and abs(leg.turns) > LESS_TURNS}
+        self._turned: dict[int, float] = {}  # most turns flown in their direction: the way on may turn back
+        self._bearing = self._turning = 0.0  # from the waypoint that is circled, and turns so far
         self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -242,8 +287,11 @@ class FlightMeasurement:
             upright = self._cos_tilt(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
-        if self._airborne and self._waypoint < len(self._fly_legs):
+        self._landings.add(truth, self._waypoint)
+        if self._airborne and self._waypoint < len(self._fly_legs) and not self._landings.due.get(self._waypoint):
             self._follow(truth.p_WB)
+        if self._waypoint - 1 in self._turns:
+            self._circle(truth.p_WB)
         if self._staying:
             self._stay(truth.t_ns, truth.p_WB)
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
@@ -277,9 +325,30 @@ class FlightMeasurement:
         ]
         self._stay_ns = t_ns if inside and self._staying else None
 
+    def _circle(self, p_WB: Vec3) -> None:
+        """Count the turns about the waypoint reached last."""
+        i = self._waypoint - 1
+        x, y, _ = self._fly_legs[i].end_W
+        bearing = math.atan2(p_WB[1] - y, p_WB[0] - x)
+        if i not in self._turned:
+            self._turned[i], self._bearing, self._turning = 0.0, bearing, 0.0
+        change = math.remainder(bearing - self._bearing, math.tau) / math.tau
+        self._turning -= math.copysign(change, change * self._turns[i])
+        self._bearing, self._turned[i] = bearing, max(self._turned[i], self._turning)
+
+    def _missed(self) -> Iterator[str]:
+        """Yield the waits and circles that were not flown, of the places reached, in words."""
+        for i, hold in self._holds.items():
+            if i < self._waypoint and hold.missed:
+                yield hold.text(i + 1)
+        for i, turns in self._turns.items():
+            turned = self._turned.get(i, 0.0)
+            if i < self._waypoint and turned < abs(turns) - LESS_TURNS:
+                yield f"the vehicle flew {turned:.2f} turns about waypoint {i + 1}; the plan makes {abs(turns):g}"
+
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
-        """Return True within reach of a waypoint."""
-        dx, dy, dz = (p_WB[i] - self._fly_legs[target].end_W[i] for i in range(3))
+        """Return True within reach of a waypoint, or with -1 of the take-off."""
+        dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
         radius_m = self._reaches_m[target]
         return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
 
@@ -309,9 +378,7 @@ class FlightMeasurement:
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
         all_reached = self._waypoint == len(self._fly_legs)
-        missed = (i for i, hold in self._holds.items() if i < self._waypoint and hold.missed)
-        holds = (f"the vehicle was at waypoint {i + 1} for {self._holds[i].text}" for i in missed)
-        hold_missed = next(holds, "")
+        hold_missed = next(self._missed(), "")
         return Measurements(
             waypoints=len(self._fly_legs),
             reached=self._waypoint,
@@ -332,6 +399,7 @@ class FlightMeasurement:
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
             hold_missed=hold_missed,
+            landing_missed=self._landings.missed(self._waypoint),
             endless_item=self._endless_item,
         )
 
@@ -366,14 +434,16 @@ def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
     return math.sqrt(dx * dx + dy * dy)
 
 
-def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
+def _settle_distances_m(fly: Sequence[Leg], landings: Collection[int]) -> list[float]:
     """Return for every leg the distance from its start [m] at which the altitude begins to count.
 
-    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg follows a climb.
+    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg, and those to waypoints in
+    `landings`, follow a climb.
     """
     distances: list[float] = []
     flown_level_m = 0.0
-    for leg in fly:
+    for i, leg in enumerate(fly):
+        flown_level_m = 0.0 if i in landings else flown_level_m
         if _is_level(leg):
             distances.append(max(0.0, SETTLE_M - flown_level_m))
             flown_level_m += _length_m(leg)
@@ -397,6 +467,14 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
         near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
         found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
     return found_m
+
+
+def top_reach_m(climb: Leg) -> float:
+    """Return the distance [m] from the end of a take-off within which the vehicle waits there.
+
+    Some autopilots climb above the start, others on the straight line.
+    """
+    return climb.acceptance_radius_m + REACH_MARGIN_M + _length_m(climb)
 
 
 def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:
@@ -522,7 +600,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
         if measured.endless_item is not None:
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
-            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+            missed = f"; {measured.landing_missed}" if measured.landing_missed else ""
+            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints{missed}")
         elif measured.take_off_missed or measured.hold_missed:
             reasons.append(measured.take_off_missed or measured.hold_missed)
         else:

@@ -16,6 +16,8 @@ of which errors count on the wings alone, airspeed_margin and max_bank_deg. As o
 hover (their height as on the wings), final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
 
 transition_loss_m    greatest height lost since the beginning of a transition (`vtol_limits`)
+landings             those in the middle of the plan, as of a multirotor
+holds                times to wait in hover, each flown before what follows counts, as of a multirotor
 hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal distance from the start before the first
                      transition, and from the straight legs to waypoints in hover, from where a waypoint counts as
                      reached; the first leg after a transition is left out
@@ -30,12 +32,21 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol
 
-from hil.config.missions.path import Leg
+from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
 from hil.run.verdict.plane_flight import Flow, PlaneMeasurement, Stall
-from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m, reaches_m
+from hil.run.verdict.verdict import (
+    LESS_HOLD_S,
+    REACH_MARGIN_M,
+    FlightMeasurement,
+    Hold,
+    Landings,
+    horizontal_distance_m,
+    reaches_m,
+    top_reach_m,
+)
 from signals.mission import MissionItem
 from signals.rotation import cos_tilt_of
 from signals.samples import Quat, TruthState, Vec3
@@ -45,6 +56,7 @@ _ON_WINGS = 0.1  # share of the lift in hover
 _TURNS = 0.1  # share of the pusher's full speed, or of a tilt's way ahead
 _AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
 _SLOW_MPS = 5.0
+_CLIMBED_M = 1.0  # below the end of a climb it is over
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
 _LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
@@ -135,7 +147,7 @@ class VtolMeasurement(PlaneMeasurement):
         stall: Stall,
         wind_at: Callable[[], Vec3],
     ) -> None:
-        """`wings`: numbers of the items that are flown on the wings."""
+        """`wings`: numbers of the items that are flown on the wings, and of the take-offs that lead to them."""
         super().__init__(
             legs,
             stops,
@@ -146,7 +158,8 @@ class VtolMeasurement(PlaneMeasurement):
         )
         self._landing = FlightMeasurement(legs[-1:], limits[1], cos_tilt=carriage.cos_tilt)
         self._carriage, self._wings = carriage, wings
-        self._reaches_m = reaches_m([stop.leg for stop in self._stops if stop.leg is not None], limits[1])  # in hover
+        waypoints = [stop.leg for stop in self._stops if stop.leg is not None]
+        self._reaches_m = reaches_m(waypoints, limits[1])  # in hover
         self._looks_back_ns = round(carriage.looks_back_s * NS_PER_S)
         self._heights: deque[tuple[int, float]] = deque()  # time and height, back to there
         # Not counted yet: what a transition begins with is a part of it.
@@ -159,9 +172,19 @@ class VtolMeasurement(PlaneMeasurement):
         self._wings_ns: int | None = None
         self._start: tuple[float, float] | None = None
         self._in_hover = True  # the newest waypoint was reached in hover, or none yet
+        # Places to wait in hover, by the number of waypoints reached until then, and the reach of each.
+        climbs = [(leg, top_reach_m(leg)) for leg in legs if leg.kind is LegKind.CLIMB][:1]
+        self._places = dict(enumerate(climbs)) | dict(enumerate(zip(waypoints, self._reaches_m, strict=True), start=1))
+        self._landings = Landings(legs, limits[1])
+        self._holds = {
+            number: Hold(leg.wait_s)
+            for number, (leg, _) in self._places.items()
+            if leg.seq not in wings and leg.wait_s > LESS_HOLD_S
+        }
 
     def add(self, truth: TruthState) -> None:
         self._landing.add(truth)
+        self._landings.add(truth, self._reached)
         super().add(truth)
 
     def _on_wings(self, truth: TruthState) -> bool:
@@ -234,9 +257,34 @@ class VtolMeasurement(PlaneMeasurement):
 
     def _follow(self, p: Vec3, seconds: float) -> None:
         before = self._reached
+        if before in self._holds:
+            leg, reach_m = self._places[before]
+            if math.dist(p[:2], leg.end_W[:2]) <= reach_m and self._level_with(leg, p[2]):
+                self._holds[before].add(round(seconds * NS_PER_S))
+        if self._lands_or_climbs(p[2]):
+            self._loiter((p[0], p[1]), seconds)
+            return
         super()._follow(p, seconds)
         if self._reached != before:
             self._in_hover = self._phase is _Phase.HOVER
+
+    def _lands_or_climbs(self, up_m: float) -> bool:
+        """Return True from the waypoint before a landing in the middle of the plan until the climb after it is over."""
+        places = self._landings.due.get(self._reached)
+        if places is None or self._reached >= len(self._targets):
+            return False
+        leg = self._stops[self._targets[self._reached]].leg
+        if not places and leg is not None and up_m >= leg.start_W[2] - _CLIMBED_M:
+            del self._landings.due[self._reached]
+            return False
+        return True
+
+    def unflown_loiter(self) -> str | None:
+        hold = self._holds.get(self._reached)
+        if hold is not None and hold.missed:
+            return hold.text(self._reached)
+        missed = self._landings.missed(self._reached) if self._reached < len(self._targets) else ""
+        return super().unflown_loiter() or missed or None
 
     def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
         if leg.seq in self._wings:

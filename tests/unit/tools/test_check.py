@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.check import imports_of, near_tests
+from tools.check import imports_of, main, near_tests
 
 TREE = {
     "sim/sensors/gps.py": "from signals.noise import NoiseStream",
@@ -98,3 +98,12 @@ def test_no_import_of_the_tree_is_missed() -> None:
                 assert {f"{node.module}.{alias.name}" for alias in node.names} <= imports_of(source), path
             elif isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= imports_of(source), path
+
+
+@pytest.mark.parametrize(("argument", "status"), [("--help", 0), ("--fast", 2)])
+def test_arguments_run_nothing(argument: str, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["check.py", argument])
+    monkeypatch.setattr("tools.check.changed_files", lambda: pytest.fail("it went on"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == status

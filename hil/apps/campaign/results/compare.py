@@ -2,7 +2,8 @@
 
 The exact test of McNemar (Psychometrika 12, 1947) looks at the pairs of which one flight passed and the other failed:
 if nothing had changed, each would be as likely the one as the other, so their number has a binomial distribution with
-p = 1/2. Pairs with an ERROR or a FLAKE are not in it.
+p = 1/2. Pairs with an ERROR or a FLAKE are not in it. A PASS of a vehicle that never left its start is compared as an
+ERROR: it says nothing.
 """
 
 from __future__ import annotations
@@ -233,8 +234,9 @@ def _cases(folder: Path) -> Iterator[Flown]:
                 data = json.loads(line)
                 if data["status"] not in STATUSES:
                     raise ValueError(f"the status {data['status']!r} is none of {', '.join(STATUSES)}")
+                status = data["status"] if data.get("flown", True) else "ERROR"
                 limits = {row["name"]: row["margin"] for row in data["limits"] if row["margin"] is not None}
-                yield Flown(data["case"], data["status"], data["axes"], limits, tuple(data["set"]))
+                yield Flown(data["case"], status, data["axes"], limits, tuple(data["set"]))
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise RecordingError(f"{path}:{number}: damaged: {error}. hil campaign FILE --resume writes it anew") from error
     if not number:

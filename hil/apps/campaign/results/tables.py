@@ -79,6 +79,7 @@ def _line(case: Case) -> dict[str, Any]:
         "axes": dict(case.axes),
         "reason": case.reason,
         "error": outcome.error or None,
+        "flown": outcome.flown,
         "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
         "digest": outcome.digest if outcome.repeatable else None,
         "sim_s": outcome.sim_s,

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hil.config import Bench
-from hil.config.missions.item_values import TIMES
-from hil.config.missions.path import plan_points, planned_path, waypoint_legs
+from hil.config.missions.path import plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.verdict.verdict import FlightMeasurement, Verdict, judge
@@ -32,14 +31,9 @@ class FlightPart(Part):
             x, y, z = run.physics.state[:3].tolist()
             run.legs = planned_path(run.bench.mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
-        self._measured = FlightMeasurement(run.legs, self._config.limits, holds_s=self._holds_s(run))
-
-    def _holds_s(self, run: RunContext) -> list[float]:
-        """Return how long an autopilot waits at each waypoint of its plan; companions are given places alone."""
-        if run.bench.mission is None or self._config.flown_by_set_points:
-            return []
-        items = [run.bench.mission.items[leg.seq] for leg in waypoint_legs(run.legs)]
-        return [item.param1 if item.command in TIMES else 0.0 for item in items]
+        # Companions are given places alone.
+        whole = not self._config.flown_by_set_points
+        self._measured = FlightMeasurement(run.legs, self._config.limits, whole=whole)
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add]

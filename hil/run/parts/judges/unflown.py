@@ -1,9 +1,10 @@
 """Finds a PASS of nothing: the vehicle stood where it was all the time, and nothing else of the bench minds that.
 
-Three kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground
+Four kinds of benches do not. One that flies nothing itself may be flown by a program on `router.sdk`, a ground
 station, sticks or AirSim's API; it is judged by crash, failsafe and `fly_away_m` alone, which one at rest meets. A
-script without a plan is judged by its own measurements, most of which a vehicle at rest meets, too. And a script with
-`outcome: aborted` or `any` takes a mission that was not completed. What was never begun is not aborted: that is a FAIL.
+script without a plan is judged by its own measurements, most of which a vehicle at rest meets, too. A goal with another
+outcome than `goal` takes the word of a client that reports it at once. And a script with `outcome: aborted` or `any`
+takes a mission that was not completed. What was never begun is not aborted: that is a FAIL.
 The others are warned of, because a start that is refused may be what the test is about. So is an aborted mission whose
 vehicle was in the air when the time of the run was over: it may only have been too long.
 """
@@ -26,6 +27,7 @@ NOTHING_FLIES = (
 )
 NO_PLAN = "nothing was flown: the vehicle never left its start; have the script arm it and take off"
 ANY_OUTCOME = "nothing was flown: the vehicle never left its start, and the script takes that (outcome: any)"
+OTHER_OUTCOME = "nothing was flown: the vehicle never left its start, and the goal takes that (goal.outcome: {})"
 NOT_BEGUN = "the vehicle never left its start: the mission was not aborted, it never began"
 OUT_OF_TIME = (
     "the run ended at duration_s with the vehicle in the air, and the script takes that as an aborted mission; one "
@@ -36,9 +38,9 @@ OUT_OF_TIME = (
 class UnflownPart(Part):
     name = "unflown"
 
-    def __init__(self, outcome: Outcome, *, scripted: bool = False, last_tick: int | None = None) -> None:
-        """`scripted`: a script flies the vehicle, with a plan or without. `last_tick`: the run goes no further."""
-        self._outcome, self._scripted, self._last_tick = outcome, scripted, last_tick
+    def __init__(self, outcome: Outcome, *, unflown: str = NOTHING_FLIES, last_tick: int | None = None) -> None:
+        """`unflown`: what to say of a vehicle that never left its start. `last_tick`: the run goes no further."""
+        self._outcome, self._unflown, self._last_tick = outcome, unflown, last_tick
         self._out_of_time = False
         self._start_W: Vec3 | None = None  # from the first tick on
         self._moved = False
@@ -58,7 +60,7 @@ class UnflownPart(Part):
         if self._moved and self._out_of_time and self._outcome == "aborted":
             run.say("warning", OUT_OF_TIME)
         if not self._moved and self._outcome != "aborted":
-            self._told = ANY_OUTCOME if self._outcome == "any" else NO_PLAN if self._scripted else NOTHING_FLIES
+            self._told = ANY_OUTCOME if self._outcome == "any" else self._unflown
             run.say("warning", self._told)
 
     def run_keys(self) -> dict[str, Any]:
@@ -71,4 +73,7 @@ class UnflownPart(Part):
 
 def make(bench: Bench) -> Part:
     last_tick = round(bench.config.duration_s * bench.config.tick_hz) - 1
-    return UnflownPart(bench.outcome, scripted=bench.script is not None, last_tick=last_tick)
+    goal = bench.config.goal
+    unflown = NOTHING_FLIES if bench.script is None else NO_PLAN
+    unflown = unflown if goal is None else OTHER_OUTCOME.format(goal.outcome)
+    return UnflownPart(bench.outcome, unflown=unflown, last_tick=last_tick)

@@ -7,8 +7,8 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import turn_radius_m
-from hil.config.missions.path import Leg
-from hil.config.missions.regimes import on_wings
+from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.regimes import leads_to_wings, on_wings
 from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
 from hil.run.verdict.flyable_path import stops_of
@@ -29,6 +29,8 @@ class VtolFlightPart(PlaneFlightPart):
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics, params = self._facts, run.physics, self._config.autopilot.all_params
         vehicle = run.bench.vehicle
+        if self._config.flown_by_set_points:  # companions are given places alone
+            legs = [leg._replace(wait_s=0.0) for leg in legs if leg.kind is not LegKind.DESCENT or leg is legs[-1]]
 
         def wind_at() -> Vec3:
             return physics.wind_W_mps
@@ -38,7 +40,11 @@ class VtolFlightPart(PlaneFlightPart):
             stops_of(legs, flown_items(items, params)),
             (self._config.plane_limits, self._config.limits),
             Tail(facts.least_mps, wind_at) if vehicle.stands == "on_tail" else rotors_of(vehicle),
-            wings={item.seq for item, wings in zip(items, on_wings(items, params), strict=True) if wings},
+            wings={
+                item.seq
+                for item, wings in zip(items, on_wings(items, params), strict=True)
+                if wings or leads_to_wings(item, params)
+            },
             radius_m=turn_radius_m(facts.cruise_mps),
             stall=Stall(facts.stall_mps, Airframe(vehicle, run.bench.scene.site).stall_alpha_rad),
             wind_at=wind_at,

@@ -232,9 +232,30 @@ def test_a_pass_of_nothing_fails_the_test(project: pytest.Pytester) -> None:
 
     def test_skipped_by_its_fixture(flown):
         pass
+
+    @pytest.fixture
+    def flies_late(rig, mission):
+        yield
+        rig.fly(mission("square.waypoints"))
+        pytest.skip("nothing to see")
+
+    def test_skipped_by_the_end_of_its_fixture(flies_late):
+        pass
+
+    def test_expected_to_fail_after_a_flight(rig, mission):
+        rig.fly(mission("square.waypoints"))
+        pytest.xfail("nothing to see")
+
+    def test_expected_to_fail_in_peace(rig, mission):
+        assert rig.fly(mission("square.waypoints")).status == "FAIL"
+        pytest.xfail("nothing to see")
+
+    @pytest.mark.xfail
+    def test_marked_as_one_that_fails(rig, mission):
+        rig.fly(mission("square.waypoints"))
     """
     result = fly(project, "import unittest\n" + dedent(test))
-    result.assert_outcomes(passed=1, failed=3, skipped=1, errors=1)
+    result.assert_outcomes(passed=2, failed=4, skipped=1, errors=2, xfailed=2)
     result.stdout.fnmatch_lines(
         [
             "*unflown: 1 (a PASS of a vehicle that never left its start)",

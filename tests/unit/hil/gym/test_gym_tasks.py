@@ -125,6 +125,20 @@ def test_flying_to_each_waypoint_ends_with_success() -> None:
     assert total == pytest.approx(3.0 + 2.0 + 5**0.5 + 26**0.5, abs=1.6)  # the ends of each leg are within reach_m
 
 
+def test_a_crash_at_the_goal_is_no_success() -> None:
+    """An action of 4 s flies through the waypoint, 0.1 m over the ground, and into it."""
+    options: dict[str, Any] = {"action": "velocity", "course_m": [[0, 0, 0.1]], "step_s": 4.0}
+    env = gymnasium.make("hil/Waypoints-v0", **options)
+    env.reset(seed=1)
+    *_, info = env.step(np.array([0.0, 0.0, -1.0, 0.0]))
+    assert [info[key] for key in ("reached", "waypoints", "crashed", "is_success")] == [1, 1, True, False]
+    envs = gymnasium.make_vec("hil/Waypoints-v0", 2, **options)
+    envs.reset(seed=1)
+    *_, infos = envs.step(np.array([[0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0]]))
+    assert infos["crashed"].tolist() == [True, False]
+    assert not infos["is_success"].any()
+
+
 def test_the_observation_holds_the_next_waypoints() -> None:
     course = [[1, 0, 5], [4, 0, 5], [9, 0, 5]]
     env = gymnasium.make("hil/Waypoints-v0", course_m=course, next_count=4, range_m=20.0).unwrapped

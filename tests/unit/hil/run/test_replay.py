@@ -176,6 +176,8 @@ def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> No
     cut = replay(tmp_path, same)
     assert cut.identical
     assert "ticks, up to where the recording was cut off, digest " in str(cut)
+    with pytest.raises(RecordingError, match="fresh run says nothing"):  # it was called identical over 250 ticks
+        replay(tmp_path, lambda _, out: record(out, flight[:300], close=False), out_dir=tmp_path / "full_disk")
     record(tmp_path, flight)
     other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "o")
     assert not other.identical

@@ -23,14 +23,16 @@ def campaign(folder: Path, lines: list[Line], **settings: str) -> Path:
         limits = [{"name": "max_cross_track_m", "margin": margin}, {"name": "landed_tilt_deg", "margin": None}]
         texts = [f"{key}={json.dumps(value)}" for key, value in {**axes, **settings}.items()]
         case = f"{folder.name}{number}"
-        rows.append({"case": case, "status": status, "axes": axes, "limits": limits, "set": texts})
+        flown = status != "UNFLOWN"
+        status = status if flown else "PASS"
+        rows.append({"case": case, "status": status, "flown": flown, "axes": axes, "limits": limits, "set": texts})
     (folder / "results.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     return folder
 
 
 def seeds(statuses: str, margins: list[float | None] | None = None, **axes: Any) -> list[Line]:
     """Return a case for each letter, with the seeds 0, 1, ..."""
-    names = {"P": "PASS", "F": "FAIL", "E": "ERROR", "K": "FLAKE"}
+    names = {"P": "PASS", "F": "FAIL", "E": "ERROR", "K": "FLAKE", "U": "UNFLOWN"}
     return [({"seed": n, **axes}, names[s], margins[n] if margins else 0.5) for n, s in enumerate(statuses)]
 
 
@@ -72,6 +74,7 @@ def test_axes_without_a_common_value_are_left_out_and_named(tmp_path: Path) -> N
         ("PPPP", "PP", 1, 0, "2 without a partner"),
         ("PP", "PPPFF", 1, 0, "3 without a partner"),
         ("PFE", "PEE", 1, 0, "2 with ERROR or FLAKE in place of a verdict"),
+        ("PF", "UU", 1, 1, "1 with ERROR or FLAKE in place of a verdict"),  # nobody flew: no case was worse
         ("PE", "PP", 0, 0, ""),  # better, whatever it was
         ("EEE", "KE", 1, 1, "1 without a partner, 2 with ERROR or FLAKE in place of a verdict"),  # nothing was judged
         ("PPPP", "PF", 1, 1, "2 without a partner"),

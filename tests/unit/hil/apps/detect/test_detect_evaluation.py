@@ -140,10 +140,21 @@ def test_against_pycocotools() -> None:
         assert j.average_precision == pytest.approx(theirs.mean(), abs=0.02)
 
 
-@pytest.mark.parametrize(("objects", "words"), [([("person", A)], "mAP@0.5 of all classes 0.000"), ([], "warning: no")])
+@pytest.mark.parametrize(
+    ("objects", "words"), [([("person", A)], "mAP@0.5 of the model's classes 0.000"), ([], "warning: no")]
+)
 def test_pictures_without_objects_are_told_and_give_no_nan(objects: list[tuple[str, Box]], words: str) -> None:
     said = io.StringIO()
     result = evaluation_of(0.5, [picture(objects)], [[]], ["person"])
     _print_table(result, Console(file=said, width=200), "test")
     assert words in said.getvalue()
     assert "nan" not in said.getvalue()
+
+
+def test_objects_that_the_model_cannot_find_are_told() -> None:
+    """Its average precision was called that of all classes."""
+    said = io.StringIO()
+    result = evaluation_of(0.5, [picture([("person", A), ("lorry", A), ("lorry", A)])], [[]], ["person"])
+    _print_table(result, Console(file=said, width=200), "test")
+    assert "not evaluated, classes that the model does not have: lorry (2)" in said.getvalue()
+    assert result.as_json()["not_evaluated"] == {"lorry": 2}

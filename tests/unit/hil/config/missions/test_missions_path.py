@@ -78,3 +78,20 @@ def test_jumps_are_followed_as_often_as_they_say_and_endless_ones_end() -> None:
     assert len(endless) == MAX_LEGS + 1
     assert (last.kind, end.kind, end.seq) == (LegKind.FLY, LegKind.ENDLESS, 2)
     assert [leg.kind for leg in legs(item(177, frame=2, p1=0, p2=-1))] == [LegKind.ENDLESS]
+
+
+def test_the_time_to_wait_of_an_item_and_of_the_delays_after_it() -> None:
+    """Delays were no part of the plan that a flight is judged by. After a transition a VTOL is elsewhere."""
+    delay, transition = item(93, frame=2, p1=7.0), item(3000, frame=2, p1=4.0)
+    path = legs(
+        item(93, frame=2, p1=9.0), item(22, 1, 2, 10), delay, item(19, 20, 2, 10, p1=5.0), delay, item(93, p1=-1.0),
+        item(177, frame=2, p1=4, p2=1), item(16, 30, 2, 10, p1=3.0), transition, delay, item(17, 1, 2, 10),
+        item(21, 1, 2),
+    )  # fmt: skip
+    assert [leg.wait_s for leg in path if leg.kind in (LegKind.CLIMB, LegKind.FLY)] == [7.0, 19.0, 3.0, 0.0]
+
+
+def test_the_circles_of_an_item() -> None:
+    one, other = item(18, 20, 2, 10, p1=2.0), item(18, 20, 2, 10, p1=float("nan"))
+    path = legs(item(22, 1, 2, 10), one, one._replace(param3=-5.0), other, item(16, 30, 2, 10, p1=3.0))
+    assert [leg.turns for leg in path] == [0.0, 2.0, -2.0, 1.0, 0.0]

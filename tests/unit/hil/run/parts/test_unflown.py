@@ -12,7 +12,15 @@ from hil.config import load_bench
 from hil.config.missions.script import Outcome
 from hil.run.bench_run import run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.judges.unflown import ANY_OUTCOME, NO_PLAN, NOT_BEGUN, NOTHING_FLIES, OUT_OF_TIME, UnflownPart
+from hil.run.parts.judges.unflown import (
+    ANY_OUTCOME,
+    NO_PLAN,
+    NOT_BEGUN,
+    NOTHING_FLIES,
+    OTHER_OUTCOME,
+    OUT_OF_TIME,
+    UnflownPart,
+)
 
 QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false, report: false}", "duration_s=1")
 
@@ -58,6 +66,15 @@ def test_a_script_without_a_plan_that_never_flew_says_so(tmp_path: Path) -> None
     assert NO_PLAN in [row["text"] for row in run["warnings"]]
 
 
+def test_a_script_whose_nodes_never_come_says_so(tmp_path: Path) -> None:
+    """It passed without a word: the nodes in control were left to the script, and the script to them."""
+    script = tmp_path / "script.yaml"
+    script.write_text("actions: [{at_s: 0.5, param: {MIS_TAKEOFF_ALT: 5}}]\n")
+    bench = load_bench(mission=str(script), settings=(*QUICK, "ros2={domain: 3, control: true}"))
+    run = run_bench(bench, tmp_path / "run", quiet=True).run
+    assert (run["status"], run["unflown"]) == ("PASS", NO_PLAN)
+
+
 def test_what_is_judged_anyhow_has_no_such_part() -> None:
     for settings in (
         (),
@@ -65,6 +82,19 @@ def test_what_is_judged_anyhow_has_no_such_part() -> None:
         ("mission=null", "goal={p_W: [1, 2, 3]}", "companion={clients: 1, control: true}"),
     ):
         assert "unflown" not in {part.name for part in parts_of(load_bench(settings=settings))}
+
+
+def test_a_client_that_stays_may_report_another_outcome() -> None:
+    """One that reported `stuck` at once passed without a word."""
+    settings = ("mission=null", "goal={p_W: [1, 2, 3], outcome: stuck}", "companion={clients: 1, control: true}")
+    (part,) = (part for part in parts_of(load_bench(settings=settings)) if part.name == "unflown")
+    said: list[str] = []
+    run: Any = SimpleNamespace(say=lambda _kind, text: said.append(text))
+    (observe,) = part.observers()
+    at_rest: Any = SimpleNamespace(p_WB=(0.0, 0.0, 0.2), tick=0)
+    observe(at_rest)
+    part.conclude(run)
+    assert said == [OTHER_OUTCOME.format("stuck")]
 
 
 @pytest.mark.parametrize("outcome", ["complete", "any", "aborted"])

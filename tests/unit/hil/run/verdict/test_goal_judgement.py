@@ -182,6 +182,22 @@ def test_the_bench_may_expect_another_outcome(frames: Any, x500: Vehicle) -> Non
     assert measurement.verdict_rows()[1] == []
 
 
+@pytest.mark.parametrize(
+    ("goal_x_m", "flown_m", "words"),
+    [(20.0, 1, "a path of 23"), (20.0, 321, "a path of 23"), (6.0, 1, None), (10.0, 1, None)],  # 6: 2 m from the hall
+)
+def test_a_goal_in_the_open_lies_in_no_obstacle(
+    frames: Any, x500: Vehicle, goal_x_m: float, flown_m: int, words: str | None
+) -> None:
+    """A client that reported it at once passed."""
+    measurement = GoalMeasurement(Goal(p_W=(goal_x_m, 0.0, 5.0), outcome="goal_in_obstacle"), x500)
+    measurement.reported({"outcome": "goal_in_obstacle"}, flown(measurement, path(5.0)[:flown_m]))
+    measurement.conclude(frames.geometry)
+    reasons = measurement.verdict_rows()[1]
+    assert len(reasons) == (0 if words is None else 1)
+    assert all(words in reason for reason in reasons if words)
+
+
 def test_a_flight_that_never_began_fails(frames: Any, x500: Vehicle) -> None:
     measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 5.0)), x500)
     measurement.conclude(frames.geometry)

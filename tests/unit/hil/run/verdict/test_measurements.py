@@ -10,7 +10,7 @@ import pytest
 from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation, Script
 from hil.config.schema import Limits
-from hil.run.verdict.measurements import DeclaredMeasurements, judge_script
+from hil.run.verdict.measurements import DeclaredMeasurements, judge_script, measured_on_ground
 from hil.run.verdict.verdict import Measurements, judge
 from signals.samples import TruthState
 
@@ -201,3 +201,33 @@ def test_actions_that_never_ran_fail_the_flight() -> None:
         "a.yaml:3: set_mode HOLD: never ran, its condition was never met",
         "a.yaml:4: arm: not acknowledged before the run ended",
     )
+
+
+@pytest.mark.parametrize(
+    ("window", "reason", "warned"),
+    [
+        ({"from_s": 10.01, "to_s": 10.02}, "was measured on the ground (from 10.01 s to 10.02 s", True),
+        ({"from_s": 0, "to_s": 0.005}, "was measured on the ground (from 0 s to 0.005 s", True),
+        ({"from_s": 9.98, "to_s": 10.02}, "", False),
+    ],
+)
+def test_what_is_measured_on_the_ground_says_nothing(window: dict[str, float], reason: str, warned: bool) -> None:
+    """A hover that had landed before its window passed, without a word."""
+    names = ("hover_drift_m", "height_drift_m", "max_tilt_deg")
+    observer = DeclaredMeasurements([Expectation(measure=name, at_most=25, **window) for name in names])
+    for state in hop():
+        observer.add(state)
+    reasons = judge_script(observer.results()).reasons
+    assert [text.split(" ")[0] for text in reasons] == (list(names[:2]) if reason else [])
+    assert all(reason in text for text in reasons)
+    assert [text.split(" ")[0] for text in measured_on_ground(observer.results())] == ([names[2]] if warned else [])
+
+
+@pytest.mark.parametrize(("again_m", "complete_s"), [(0.2, 10.0), (3.0, None)])
+def test_a_flight_that_goes_on_is_not_complete(again_m: float, complete_s: float | None) -> None:
+    """One that touched down, took off again and was in the air at the end had its time; one that bounces has it."""
+    states = hop()
+    up = [truth(len(states) + k, p_WB=(2.0, 2.0, 0.2 + again_m), in_contact=False) for k in range(50)]
+    complete, flight = measure([*states, *up], {"measure": "time_to_complete_s"}, {"measure": "flight_time_s"})
+    assert complete == (None if complete_s is None else pytest.approx(complete_s))
+    assert (flight is None) == (complete is None)

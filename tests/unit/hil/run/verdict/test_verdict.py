@@ -49,7 +49,7 @@ def flown(
     limits: Limits | None = None,
 ) -> Measurements:
     """Fly through `points`; within a millimetre of the height of the start the vehicle touches the ground."""
-    measurement = FlightMeasurement(legs, limits, stride=1)
+    measurement = FlightMeasurement(legs, limits, stride=1, whole=True)
     path = [*along(points), *[points[-1]] * 300]
     for tick, p_WB in enumerate(path):
         down = p_WB[2] <= HOME[2] + 1e-3
@@ -131,6 +131,46 @@ def test_a_flight_that_may_be_off_its_leg_may_be_off_its_corner() -> None:
     assert flown(rectangle(), shifted, limits=Limits(max_cross_track_m=None, altitude_error_m=None)).reached == 5
 
 
+@pytest.mark.parametrize(
+    ("turns", "flown_turns", "missed"),
+    [
+        (2.0, 2, ""),
+        (-2.0, -2, ""),
+        (2.0, 1, "the vehicle flew 1.00 turns about waypoint 1; the plan makes 2"),
+        (2.0, -2, "the vehicle flew 0.00 turns about waypoint 1; the plan makes 2"),
+        (1.0, 0, "the vehicle flew 0.00 turns about waypoint 1; the plan makes 1"),
+    ],
+)
+def test_a_plan_circles_its_waypoint(turns: float, flown_turns: int, missed: str) -> None:
+    """One that went on at once passed."""
+    home, there = (0.0, 0.0, 10.2), (20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, home), Leg(LegKind.FLY, 1, home, there, turns=turns)]
+    legs += [Leg(LegKind.FLY, 2, there, home), Leg(LegKind.DESCENT, 3, home, HOME)]
+    angles = [math.pi - math.tau * flown_turns * k / 200 for k in range(201)]
+    circle = [(20.0 + math.cos(angle), math.sin(angle), 10.2) for angle in angles]
+    measured = flown(legs, [HOME, home, *circle, home, HOME])
+    assert (measured.reached, measured.hold_missed, measured.completed) == (2, missed, not missed)
+
+
+@pytest.mark.parametrize(
+    ("down_m", "away_m", "reached"), [(10.0, 0.0, 2), (9.0, 0.0, 1), (0.0, 0.0, 1), (10.0, 4.0, 1)]
+)
+def test_a_plan_lands_in_its_middle(down_m: float, away_m: float, reached: int) -> None:
+    """One that flew over its place of delivery passed, and one that landed there had an altitude error of 10 m."""
+    home, there, on = (0.0, 0.0, 10.2), (40.0, 0.0, 10.2), (40.0, 30.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, home), Leg(LegKind.FLY, 1, home, there)]
+    legs += [Leg(LegKind.DESCENT, 2, there, (40.0, 0.0, 0.2)), Leg(LegKind.CLIMB, 3, (40.0, 0.0, 0.2), there)]
+    legs += [Leg(LegKind.FLY, 4, there, on), Leg(LegKind.DESCENT, 5, on, (40.0, 30.0, 0.2))]
+    above, low = (40.0 - away_m, 0.0, 10.2), (40.0 - away_m, 0.0, 10.2 - down_m)
+    measured = flown(legs, [HOME, home, there, above, low, low, above, there, on, (40.0, 30.0, 0.2)])
+    assert (measured.reached, measured.completed) == (reached, reached == 2)
+    reasons = judge(measured, Limits()).reasons
+    if reached == 2:
+        assert reasons == ()
+    else:
+        assert reasons[0] == "reached 1 of 2 waypoints; the plan lands before waypoint 2, and the vehicle did not"
+
+
 def test_wide_limits_reach_no_waypoint_from_afar() -> None:
     wide = Limits(max_cross_track_m=900.0, altitude_error_m=900.0)
     up_and_down = [HOME, (0.0, 0.0, 10.2), HOME]
@@ -189,8 +229,13 @@ def test_a_hover_over_one_place_keeps_the_margin_of_its_limit() -> None:
 
 
 def staying(stays: Sequence[tuple[Vec3, float]], legs: Sequence[Leg], holds_s: Sequence[float]) -> Measurements:
-    """Fly by jumps to places and stay there for times [s], then touch down below the last one."""
-    measurement, tick, tick_ns = FlightMeasurement(legs, stride=1, holds_s=holds_s), 0, 100_000_000
+    """Fly by jumps to places and stay there for times [s], then touch down below the last one.
+
+    `holds_s`: to wait at the waypoints; empty: no time to wait is judged.
+    """
+    waits_s = iter(holds_s or [30.0] * len(legs))
+    legs = [leg._replace(wait_s=next(waits_s)) if leg.kind is LegKind.FLY else leg for leg in legs]
+    measurement, tick, tick_ns = FlightMeasurement(legs, stride=1, whole=bool(holds_s)), 0, 100_000_000
     ground = (*stays[-1][0][:2], HOME[2])
     for p_WB, stay_s in [(HOME, 0.1), *stays, (ground, 1.0)]:  # type: ignore[list-item]
         for _ in range(round(stay_s * 10)):

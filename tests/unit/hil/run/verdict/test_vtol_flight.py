@@ -172,3 +172,40 @@ def test_one_tilt_that_steers_is_no_transition() -> None:
 
 def test_tilts_within_a_tenth_of_their_way_hover() -> None:
     assert (tilted(on_the_way_deg=8.0).values()["hover_cross_track_m"] or 0.0) > 39.0
+
+
+@pytest.mark.parametrize(
+    ("down_m", "wait_s", "missed"),
+    [
+        (30.0, 12.0, ""),
+        (20.0, 12.0, "the plan lands before waypoint 2, and the vehicle did not"),
+        (30.0, 25.0, "the plan waits there for 25 s, 23 s are enough"),
+    ],
+)
+def test_waits_and_landings_in_hover_are_flown(down_m: float, wait_s: float, missed: str) -> None:
+    there, end = (40.0, 0.0, 30.0), (80.0, 0.0, 30.0)
+    ground = (40.0, 0.0, 0.0)
+    legs = [
+        LEGS[0],
+        Leg(LegKind.FLY, 1, (0.0, 0.0, 30.0), there, wait_s=wait_s),
+        Leg(LegKind.DESCENT, 2, there, ground),
+    ]
+    legs += [Leg(LegKind.CLIMB, 3, ground, there), Leg(LegKind.FLY, 4, there, end)]
+    legs.append(Leg(LegKind.DESCENT, 5, end, (80.0, 0.0, 0.0)))
+    items = [item(0, 22), item(1, 16), item(2, 21), item(3, 22), item(4, 16), item(5, 21)]
+    flight = Flight(legs=legs, items=items, wings=frozenset())
+    flight.go(5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    flight.go(100, (0.0, 0.0, 3.0), HOVER)
+    flight.go(40, (10.0, 0.0, 0.0), HOVER)
+    flight.go(111, (0.0, 0.0, 0.0), HOVER)
+    flight.go(101, (0.0, 0.0, -0.1 * down_m), HOVER)
+    flight.go(5, (0.0, 0.0, 0.0), HOVER)
+    flight.go(100, (0.0, 0.0, 0.1 * down_m), HOVER)
+    flight.go(40, (10.0, 0.0, 0.0), HOVER)
+    flight.go(101, (0.0, 0.0, -3.0), HOVER)
+    flight.go(5, (0.0, 0.0, 0.0), HOVER)
+    assert (flight.measured.unflown_loiter() or "").endswith(missed)
+    assert bool(flight.measured.unflown_loiter()) == bool(missed)
+    assert flight.measured.completed == (not missed)
+    if not missed:  # neither the way down nor the climb is an error of height
+        assert (flight.measured.values()["altitude_error_m"] or 0.0) <= 1.0
