@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.run.bench_run import RunResult
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
 from tests.e2e.test_plane_flights import Item, mission_file
 from tests.worlds.bench_files import flown
 
