@@ -414,7 +414,7 @@ def test_the_rig_without_a_mission(fly: Flights) -> None:
     [
         ("autopilot.faults.die_at_s=1.5", "LinkClosed", "crashed", "exit status 70"),
         # Well after the begin of the flight, which takes seconds of the wall clock on a busy machine.
-        ("autopilot.faults.stall_at_s=15 autopilot.reply_timeout_s=5", "LinkError", "silent", "its process still runs"),
+        ("autopilot.faults.stall_at_s=30 autopilot.reply_timeout_s=5", "LinkError", "silent", "its process still runs"),
         ("autopilot.params.SYS_HITL=0", "HandshakeError", "setup", "--fix"),
     ],
 )

@@ -156,6 +156,7 @@ class Landings:
             if leg.kind is LegKind.DESCENT:
                 self.due.setdefault(waypoint, []).append(leg.end_W)
             waypoint += leg.kind is LegKind.FLY
+        self.due.pop(waypoint, None)  # that at the end is in no middle
 
     def add(self, truth: TruthState, waypoint: int) -> None:
         """Add a true state on the way to a waypoint, by its index."""
@@ -287,8 +288,10 @@ class FlightMeasurement:
             upright = self._cos_tilt(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
-        self._landings.add(truth, self._waypoint)
-        if self._airborne and self._waypoint < len(self._fly_legs) and not self._landings.due.get(self._waypoint):
+        due = self._landings.due
+        if due:
+            self._landings.add(truth, self._waypoint)
+        if self._airborne and self._waypoint < len(self._fly_legs) and not (due and due.get(self._waypoint)):
             self._follow(truth.p_WB)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
