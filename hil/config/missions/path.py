@@ -117,7 +117,7 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
             radius_m = min(named_radius_m(item) or ACCEPTANCE_RADIUS_M, _greatest_radius_m(legs, here, there))
             wait_s = max(item.param1, 0.0) if kind in TIMES and item.param1 == item.param1 else 0.0
-            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, _turns(item)))
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, turns_of(item)))
             here = there
         elif kind == DELAY and waits and item.param1 > 0.0:
             legs[-1] = legs[-1]._replace(wait_s=legs[-1].wait_s + item.param1)
@@ -126,7 +126,8 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
     return tuple(legs)
 
 
-def _turns(item: MissionItem) -> float:
+def turns_of(item: MissionItem) -> float:
+    """Return the number of circles that a loiter with turns makes, clockwise positive; without a number one."""
     turns = 1.0 if item.param1 != item.param1 else item.param1
     return math.copysign(turns, item.param3) if item.command == LOITER_TURNS else 0.0
 

@@ -19,15 +19,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.config.missions.item_values import LOITER_TURNS
 from hil.config.missions.mission import LAND_COMMANDS
-from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.path import Leg, LegKind, turns_of
 from signals.mission import MissionItem
 
 Float64 = NDArray[np.float64]
 Place = tuple[float, float]
 _ARC_RAD = math.radians(4.0)  # between two points of an arc: its chord is R (1 - cos 2 deg) = 0.0006 R inside it
-_LOITER_TURNS, _LOITER_TIME = 18, 19
-_LOITERS = (17, _LOITER_TURNS, _LOITER_TIME, 31)
+_LOITER_TIME = 19
+_LOITERS = (17, LOITER_TURNS, _LOITER_TIME, 31)
 _DEFAULT_LOITER_M = 80.0  # PX4's NAV_LOITER_RAD
 _LEAST_M = 1.0
 _BACK_RAD, _BACK = math.radians(120.0), 3.0  # turns back, and how many radii they may take
@@ -68,10 +69,8 @@ def stops_of(legs: Sequence[Leg], items: Sequence[MissionItem]) -> list[Stop]:
             if not stops:
                 stops.append(Stop((leg.start_W[0], leg.start_W[1])))
             item = items[leg.seq]
-            open_ = math.isnan(item.param1)  # 1 turn, or no time
-            turns = (1.0 if open_ else item.param1) if item.command == _LOITER_TURNS else 0.0
-            time_s = item.param1 if item.command == _LOITER_TIME and not open_ else 0.0
-            stops.append(Stop(place, loiter_radius_m(item), leg, turns, time_s))
+            time_s = item.param1 if item.command == _LOITER_TIME and not math.isnan(item.param1) else 0.0
+            stops.append(Stop(place, loiter_radius_m(item), leg, abs(turns_of(item)), time_s))
         elif leg.kind is LegKind.APPROACH and items[leg.seq].command in LAND_COMMANDS:
             stops.append(Stop(place))
     return stops

@@ -26,7 +26,7 @@ from typing import Any
 from hil.config.schema import AT_GOAL, Goal
 from hil.run.verdict.clearance import Clearance, vehicle_radius_m
 from hil.run.verdict.shortest_path import length_m, shortest_path
-from hil.run.verdict.true_slice import true_slice
+from hil.run.verdict.true_slice import TrueSlice, true_slice
 from hil.run.verdict.verdict import AIRBORNE_M, Row, rows_within
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -116,10 +116,15 @@ class GoalMeasurement:
             meter = Clearance(geometry)
             clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in path) - self._radius_m
             path_m = length_m([(p[0], p[1]) for _, p in path])
-            shortest_m = self._shortest_m(geometry, home, goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
-            ratio = path_m / shortest_m if shortest_m else None
-        if goal.outcome == _IN_OBSTACLE:
-            open_path_m = self._shortest_m(geometry, home, max(goal.min_clearance_m or 0.0, _OPEN_M))
+        is_in_obstacle = goal.outcome == _IN_OBSTACLE
+        if path or is_in_obstacle:
+            keep_m = goal.min_clearance_m or _DEFAULT_CLEARANCE_M
+            full_map = self._full_map(geometry, home, keep_m)
+            if path_m is not None:
+                shortest_m = self._shortest_m(full_map, home, keep_m)
+                ratio = path_m / shortest_m if shortest_m else None
+            if is_in_obstacle:
+                open_path_m = self._shortest_m(full_map, home, max(goal.min_clearance_m or 0.0, _OPEN_M))
         outcome = str(self._report.get("outcome", ""))
         self.result = GoalResult(
             outcome,
@@ -135,15 +140,18 @@ class GoalMeasurement:
             dict(self._report),
         )
 
-    def _shortest_m(self, geometry: FrameGeometry, home: Vec3, keep_m: float) -> float | None:
-        """Return the length [m] of the shortest path to the goal on the full map; None: none leads there."""
-        (x, y, z), margin_m = self._goal.p_W, _MAP_MARGIN_M
-        above_m = self._radius_m + (self._goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
+    def _full_map(self, geometry: FrameGeometry, home: Vec3, keep_m: float) -> TrueSlice:
+        """Return the map of the vehicle's height and `keep_m` [m] above and below it."""
+        (x, y, z), margin_m, above_m = self._goal.p_W, _MAP_MARGIN_M, self._radius_m + keep_m
         area_W = (
             *(min(home[0], x) - margin_m, min(home[1], y) - margin_m),
             *(max(home[0], x) + margin_m, max(home[1], y) + margin_m),
         )
-        full_map = true_slice(geometry, low_m=z - above_m, high_m=z + above_m, area_W=area_W)
+        return true_slice(geometry, low_m=z - above_m, high_m=z + above_m, area_W=area_W)
+
+    def _shortest_m(self, full_map: TrueSlice, home: Vec3, keep_m: float) -> float | None:
+        """Return the length [m] of the shortest path to the goal that keeps away `keep_m`; None: none leads there."""
+        x, y, _ = self._goal.p_W
         shortest = shortest_path(full_map, (home[0], home[1]), (x, y), clearance_m=self._radius_m + keep_m)
         return None if shortest is None else length_m(shortest)
 

@@ -184,7 +184,8 @@ class VtolMeasurement(PlaneMeasurement):
 
     def add(self, truth: TruthState) -> None:
         self._landing.add(truth)
-        self._landings.add(truth, self._reached)
+        if self._landings.due:
+            self._landings.add(truth, self._reached)
         super().add(truth)
 
     def _on_wings(self, truth: TruthState) -> bool:
@@ -271,7 +272,7 @@ class VtolMeasurement(PlaneMeasurement):
     def _lands_or_climbs(self, up_m: float) -> bool:
         """Return True from the waypoint before a landing in the middle of the plan until the climb after it is over."""
         places = self._landings.due.get(self._reached)
-        if places is None or self._reached >= len(self._targets):
+        if places is None:
             return False
         leg = self._stops[self._targets[self._reached]].leg
         if not places and leg is not None and up_m >= leg.start_W[2] - _CLIMBED_M:
@@ -283,8 +284,7 @@ class VtolMeasurement(PlaneMeasurement):
         hold = self._holds.get(self._reached)
         if hold is not None and hold.missed:
             return hold.text(self._reached)
-        missed = self._landings.missed(self._reached) if self._reached < len(self._targets) else ""
-        return super().unflown_loiter() or missed or None
+        return super().unflown_loiter() or self._landings.missed(self._reached) or None
 
     def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
         if leg.seq in self._wings:

@@ -65,9 +65,8 @@ def export(
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter(
-                "ignore"
-            )  # this exporter is deprecated, but OpenCV 4.5 does not read what the newer one writes
+            # This exporter is deprecated, but OpenCV 4.5 does not read what the newer one writes.
+            warnings.simplefilter("ignore")
             torch.onnx.export(
                 inference_model,
                 (blob,),

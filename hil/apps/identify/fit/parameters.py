@@ -62,6 +62,7 @@ MOTOR_DELAY, WIND, POSE_DELAY, GYRO_BIAS, ACCEL_BIAS, MISALIGNMENT = 0, 1, 4, 5,
 LOG_COUNT = 14
 
 _TURN, _CLIMB, _LOW = "turn about that axis", "climb and sink", "hover low over the ground"
+_WIND_MPS = 3.0  # scale of a log's level wind; that of its vertical one is 0.3 of it
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,9 @@ def log_unknowns(name: str) -> list[Unknown]:
     found = [
         Unknown(f"{key}.motor_delay_s", 0.0, "s", 0.03, "plus", "sudden turns"),
         *(
-            Unknown(f"{key}.wind_{a}_mps", 0.0, "m/s", 3.0 if a != "z" else 0.3 * 3.0, "plus", "turn in wind")
+            Unknown(
+                f"{key}.wind_{a}_mps", 0.0, "m/s", _WIND_MPS if a != "z" else 0.3 * _WIND_MPS, "plus", "turn in wind"
+            )
             for a in axes
         ),
         Unknown(f"{key}.pose_delay_s", 0.0, "s", 0.03, "plus", "fast manoeuvres"),
