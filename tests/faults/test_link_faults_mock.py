@@ -25,7 +25,7 @@ from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, load_bench
 from hil.config.missions.path import planned_path
 from hil.run.loop.scheduler import Scheduler, SensorSlot, Wiring
-from hil.run.verdict.verdict import FlightMeasurement, judge
+from hil.run.verdict.flight import FlightMeasurement, judge
 from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
 from signals.time import NS_PER_S, RateAccumulator
 from sim.physics.vehicle_physics import VehiclePhysics

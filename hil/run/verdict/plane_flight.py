@@ -40,7 +40,8 @@ from hil.config.schema import PlaneLimits
 from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
 from hil.run.verdict.runway_rolls import RunwayRolls
-from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, TakeOffHeight, Verdict
+from hil.run.verdict.take_off_height import TakeOffHeight
+from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
 from signals.rotation import matrix_of
 from signals.samples import TruthState, Vec3

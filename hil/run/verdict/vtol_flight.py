@@ -35,18 +35,18 @@ from typing import Protocol
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
-from hil.run.verdict.flyable_path import Stop
-from hil.run.verdict.plane_flight import Flow, PlaneMeasurement, Stall
-from hil.run.verdict.verdict import (
-    LESS_HOLD_S,
+from hil.run.verdict.flight import (
     REACH_MARGIN_M,
     FlightMeasurement,
-    Hold,
-    Landings,
     horizontal_distance_m,
+    landing_reach_m,
     reaches_m,
     top_reach_m,
 )
+from hil.run.verdict.flyable_path import Stop
+from hil.run.verdict.hold import LESS_HOLD_S, Hold
+from hil.run.verdict.landings import Landings
+from hil.run.verdict.plane_flight import Flow, PlaneMeasurement, Stall
 from signals.mission import MissionItem
 from signals.rotation import cos_tilt_of
 from signals.samples import Quat, TruthState, Vec3
@@ -175,7 +175,7 @@ class VtolMeasurement(PlaneMeasurement):
         # Places to wait in hover, by the number of waypoints reached until then, and the reach of each.
         climbs = [(leg, top_reach_m(leg)) for leg in legs if leg.kind is LegKind.CLIMB][:1]
         self._places = dict(enumerate(climbs)) | dict(enumerate(zip(waypoints, self._reaches_m, strict=True), start=1))
-        self._landings = Landings(legs, limits[1])
+        self._landings = Landings(legs, reach_m=landing_reach_m(limits[1]))
         self._holds = {
             number: Hold(leg.wait_s)
             for number, (leg, _) in self._places.items()

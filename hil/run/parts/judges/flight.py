@@ -9,7 +9,8 @@ from hil.config import Bench
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
-from hil.run.verdict.verdict import FlightMeasurement, Verdict, judge
+from hil.run.verdict.flight import FlightMeasurement, judge
+from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState
 
 _MISSION_KEYS = (

@@ -10,8 +10,8 @@ import pytest
 from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation, Script
 from hil.config.schema import Limits
+from hil.run.verdict.flight import Measurements, judge
 from hil.run.verdict.measurements import DeclaredMeasurements, judge_script, measured_on_ground
-from hil.run.verdict.verdict import Measurements, judge
 from signals.samples import TruthState
 
 DT_NS = 10_000_000

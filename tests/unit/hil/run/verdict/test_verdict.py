@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import Limits
-from hil.run.verdict.verdict import FlightMeasurement, Measurements, Row, horizontal_distance_m, judge
+from hil.run.verdict.flight import FlightMeasurement, Measurements, horizontal_distance_m, judge
+from hil.run.verdict.verdict import Row
 from signals.samples import TruthState, Vec3
 
 HOME = (0.0, 0.0, 0.2)

@@ -1,0 +1,36 @@
+"""The wait that a plan asks for at one of its places."""
+
+from __future__ import annotations
+
+from signals.time import NS_PER_S
+
+LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
+
+
+class Hold:
+    """Time within reach of a place at which the plan waits."""
+
+    def __init__(self, hold_s: float) -> None:
+        self._hold_s = hold_s
+        self._inside_ns = 0
+        self.onward = False  # True once the vehicle has reached a later waypoint, out of this one's reach
+
+    def add(self, elapsed_ns: int) -> None:
+        """Add a time spent there."""
+        self._inside_ns += elapsed_ns
+
+    @property
+    def missed(self) -> bool:
+        """True if the vehicle was not there long enough."""
+        return self._inside_ns < (self._hold_s - LESS_HOLD_S) * NS_PER_S
+
+    def text(self, number: int) -> str:
+        """Both times in words; that spent there is rounded down, so that it stays below what is enough.
+
+        `number`: of the waypoint, or 0 for the take-off.
+        """
+        where = f"waypoint {number}" if number else "the top of its take-off"
+        inside_s = self._inside_ns // (NS_PER_S // 10) / 10
+        enough_s = self._hold_s - LESS_HOLD_S
+        waits = f"the plan waits there for {self._hold_s:g} s, {enough_s:g} s are enough"
+        return f"the vehicle was at {where} for {inside_s:.1f} s; {waits}"
