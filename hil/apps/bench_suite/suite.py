@@ -79,20 +79,23 @@ def run_benchmarks(
     if name == ALL:
         if json is not None or settings:
             raise ConfigError.at("hil bench all", "takes neither --json nor --set", "name one benchmark")
-        met = []
+        results: dict[str, BenchmarkResult] = {}
         for each in BENCHMARKS:
             console.rule(f"hil bench {each}", align="left")
             if reason := "--without" if each in without else _missing(BENCHMARKS[each][0]):
                 console.print(f"left out: {reason}")
             else:
-                met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
-        return bool(met) and all(met)
+                results[each] = _run(
+                    each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only
+                )
+        _print_summary(results, console)
+        return bool(results) and all(result.met for result in results.values())
     if without:
         raise ConfigError.at("--without", "applies to 'hil bench all' alone")
     if not is_here(BENCHMARKS[name][0]):
         todo = f"run `make setup` in a checkout, then `.venv/bin/hil bench {name}` there"
         raise ConfigError.at(f"hil bench {name}", NEEDS_CHECKOUT, todo)
-    return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
+    return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only).met
 
 
 def _missing(module: str) -> str:
@@ -105,7 +108,7 @@ def _missing(module: str) -> str:
 
 def _run(
     name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str], errors_only: bool
-) -> bool:
+) -> BenchmarkResult:
     module, title = BENCHMARKS[name]
     benchmark = import_case(module)
     measure: Callable[..., BenchmarkResult] = benchmark.measure
@@ -129,7 +132,7 @@ def _run(
         plot = json.with_suffix(".png")
         further = draw(result, title, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
-    return result.met
+    return result
 
 
 def _check_writable(file: Path) -> None:
@@ -144,6 +147,19 @@ def _check_writable(file: Path) -> None:
             pass
         if not existed:
             file.unlink()
+
+
+def _print_summary(results: dict[str, BenchmarkResult], console: Console) -> None:
+    """Print what was not met, last: nobody finds it among the tables of twenty benchmarks."""
+    console.rule("hil bench all", align="left")
+    console.print(f"{sum(result.met for result in results.values())} of {len(results)} benchmarks met every check")
+    for name, result in results.items():
+        for check in result.checks:
+            if not check.ok:
+                line = f"{name}: {check.name}: {check.value:.4g}, not {check.sense} {check.limit:g} {check.unit}"
+                console.print(Text("NOT MET ", "bold red") + line.rstrip(), soft_wrap=True)
+        if not result.checks:
+            console.print(Text("NOT MET ", "bold red") + f"{name}: no check was made", soft_wrap=True)
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:

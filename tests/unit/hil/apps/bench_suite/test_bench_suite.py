@@ -68,11 +68,16 @@ def test_a_slow_machine_fails_no_check_of_error(benchmarks: dict[str, SimpleName
 def test_errors_fail_wherever_they_are(benchmarks: dict[str, SimpleNamespace]) -> None:
     benchmarks |= {"one": with_checks(WRONG), "two": with_checks(EXACT)}
     assert not run("one", errors_only=True)[0]
-    assert not run("all", errors_only=True)[0]
+    met, text = run("all", errors_only=True)
+    assert not met
+    assert text.rstrip().endswith("1 of 2 benchmarks met every check\nNOT MET one: error: 2, not <= 1 m")
     benchmarks["one"] = with_checks(EXACT)
-    assert run("all", errors_only=True)[0]
+    met, text = run("all", errors_only=True)
+    assert met
+    assert text.rstrip().endswith("2 of 2 benchmarks met every check")
     benchmarks["one"] = with_checks(SLOW)
     assert not run("one", errors_only=True)[0], "nothing was checked"
+    assert run("all", errors_only=True)[1].rstrip().endswith("NOT MET one: no check was made")
 
 
 def test_what_this_machine_cannot_run_is_named_and_left_out_of_all(benchmarks: dict[str, SimpleNamespace]) -> None:
@@ -100,7 +105,7 @@ def test_an_installed_package_says_which_benchmarks_need_a_checkout(
     monkeypatch.setattr(cases, "_CHECKOUT", tmp_path)
     with pytest.raises(ConfigError, match=r"hil bench airsim: needs a checkout .*`\.venv/bin/hil bench airsim` there"):
         run("airsim", errors_only=True)
-    monkeypatch.setattr(suite, "_run", lambda *_, **__: True)
+    monkeypatch.setattr(suite, "_run", lambda *_, **__: BenchmarkResult([ROW], [EXACT]))
     met, text = run("all", errors_only=True)
     assert met
     assert text.count("left out: needs a checkout") == len(suite.BENCHMARKS) - len(INSTALLED)
