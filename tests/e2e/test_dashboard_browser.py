@@ -301,7 +301,8 @@ def middle(page: Any, selector: str, right: float = 0.0, up: float = 0.0) -> dic
 def test_own_missions_and_a_run_to_keep(page: Any, tmp_path: Path) -> None:
     """A mission is uploaded, one is drawn on the map and flown, and its run is downloaded."""
     page.set_viewport_size({"width": 1400, "height": 900})
-    page.set_input_files("#mission-file", {"name": "bad.plan", "mimeType": "text/plain", "buffer": b"{}"})
+    bad = {"name": "bad.plan", "mimeType": "text/plain", "buffer": b"{}"}
+    page.set_input_files("#mission-file", bad)
     until(lambda: "bad.plan" in page.inner_text("#message"), page=page)
     hop = (tmp_path / "hop.waypoints").read_bytes()
     page.set_input_files("#mission-file", {"name": "mine.waypoints", "mimeType": "text/plain", "buffer": hop})
@@ -331,9 +332,12 @@ def test_own_missions_and_a_run_to_keep(page: Any, tmp_path: Path) -> None:
     page.click("#resume")
     until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
+    page.set_input_files("#mission-file", bad)
+    until(lambda: "bad.plan" in page.inner_text("#message"), page=page)
     page.locator("html").evaluate("() => window.sockets.at(-1).close()")  # as a slow page loses its connection
     until(lambda: page.inner_text("#status") == "no connection", page=page)
     until(lambda: page.inner_text("#status") == "PASS", page=page)
+    assert "bad.plan" in page.inner_text("#message"), "an update of the run takes no other message away"
     assert page.inner_text("#log").count("Takeoff detected") == 1
     with page.expect_download() as download:
         page.click("#after-download")

@@ -4,10 +4,9 @@ import { base, options } from "./panes/tables.js";
 import { answered } from "./requests.js";
 
 export class Choices {
-  // `field(name)`: the form's element; `show(text)`: the page's message.
+  // `field(name)`: the form's element; `show(text)`: shows why the lists are missing.
   constructor(field, show) {
     Object.assign(this, { field, show });
-    this.trouble = ""; // why the lists are missing
     this.asked = 0;
   }
 
@@ -16,15 +15,15 @@ export class Choices {
       asked = ++this.asked,
       newest = () => asked === this.asked; // else another bench was chosen meanwhile
     const answer = await answered(`/api/choices${bench ? `?bench=${encodeURIComponent(bench)}` : ""}`, (reason) => {
-      if (newest()) this.tell(`the lists of the form did not come (${reason}); asking again`);
+      if (newest()) this.show(`the lists of the form did not come (${reason}); asking again`);
     });
     if (!newest()) return;
     if (!answer.ok) {
-      this.tell(`${base(bench)}: its values did not come (${await answer.text()}); choose another bench`);
+      this.show(`${base(bench)}: its values did not come (${await answer.text()}); choose another bench`);
       return;
     }
     const lists = await answer.json();
-    if (this.trouble) this.tell("");
+    this.show("");
     for (const name of ["bench", "rig", "scene", "mission"]) {
       const own = lists.defaults[name];
       options(this.field(name), lists[name], {
@@ -32,10 +31,5 @@ export class Choices {
       });
     }
     this.field("seed").placeholder = lists.defaults.seed ?? "the bench's";
-  }
-
-  tell(trouble) {
-    this.trouble = trouble;
-    this.show(trouble);
   }
 }

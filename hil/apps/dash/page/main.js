@@ -70,7 +70,8 @@ function update(head, frames) {
   if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
   const error = head.result?.error;
   showMessage(
-    choices.trouble || head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""),
+    "run",
+    head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""),
   );
   if (!running) stopping = false;
   buttons();
@@ -342,7 +343,11 @@ function setStatus(text, kind) {
   $("status").textContent = text;
   $("status").className = `chip ${kind}`;
 }
-function showMessage(text) {
+const said = {}; // what each part of the page has to say, until it takes that back
+
+function showMessage(part, its) {
+  said[part] = its;
+  const text = Object.values(said).filter(Boolean).join("\n");
   if ($("message").textContent === text) return;
   $("message").hidden = !text;
   $("message").textContent = text;
@@ -400,6 +405,7 @@ $("stop").addEventListener("click", () => {
 $("start-form").onsubmit = (event) => {
   event.preventDefault();
   if (replay.on) $("replay-close").click();
+  showMessage("mission", "");
   const message = { kind: "start", paused: $("f-paused").checked, gamepad: $("f-gamepad").checked };
   for (const name of ["bench", "rig", "scene", "mission"])
     if ($(`f-${name}`).value) message[name] = $(`f-${name}`).value;
@@ -411,7 +417,7 @@ $("f-pace").onchange = () => {
   if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) });
 };
 
-const choices = new Choices((name) => $(`f-${name}`), showMessage);
+const choices = new Choices((name) => $(`f-${name}`), (text) => showMessage("lists", text));
 
 const missions = new Missions({
   view,
@@ -430,7 +436,7 @@ const missions = new Missions({
     use: $("draw-use"),
   },
   home: () => about.home ?? [0, 0, 0],
-  message: showMessage,
+  message: (text) => showMessage("mission", text),
   onMission: async (path) => {
     await choices.offer();
     $("f-mission").value = path;
@@ -490,10 +496,9 @@ function loadRuns() {
 $("runs-refresh").onclick = loadRuns;
 
 async function openReplay(name, summary, other = null, vehicle = "") {
-  if (!(await replay.open(name, summary, other, vehicle))) {
-    showMessage(`${name}: its recording has no flight`);
-    return;
-  }
+  const opened = await replay.open(name, summary, other, vehicle);
+  showMessage("replay", opened ? "" : `${name}: its recording has no flight`);
+  if (!opened) return;
   const { track, second } = replay,
     ofRun = summary;
   if (track.vehicle) summary = (await json(`/api/runs/${name}/summary?vehicle=${track.vehicle}`)) ?? summary;
