@@ -52,8 +52,12 @@ class Rate:
     processor_s: float = float("nan")
 
     def per_processor_s(self, shorter: Rate) -> float:
-        """Return the frames a second of undisturbed processors, for the frames that a shorter set does not have."""
-        return usable_processors() * (self.frames - shorter.frames) / (self.processor_s - shorter.processor_s)
+        """Return the frames a second of undisturbed processors, for the frames that a shorter set does not have.
+
+        NaN if those took no measurable time.
+        """
+        spent_s = self.processor_s - shorter.processor_s
+        return usable_processors() * (self.frames - shorter.frames) / spent_s if spent_s > 0.0 else float("nan")
 
 
 @contextmanager
@@ -148,15 +152,18 @@ def lower_bound_s(plan: DatasetPlan, root: Path) -> float:
     return float(np.median(frame_s))
 
 
-def digest(root: Path) -> int:
-    """Return a CRC-32 over the names and contents of all files but the journal, with decoded pictures."""
-    crc = 0
-    for folder, folders, names in sorted(os.walk(root)):
-        folders.sort()
-        for name in sorted(set(names) - {JOURNAL}):
-            path = Path(folder) / name
-            crc = crc32(_content(path), crc32(str(path.relative_to(root)).encode(), crc))
-    return crc
+def differing_files(one: Path, other: Path) -> list[str]:
+    """Return the files, by name, that only one tree has or whose contents differ: all but the journal's.
+
+    Pictures are compared decoded.
+    """
+    first, second = (_checksums(root) for root in (one, other))
+    return sorted(name for name in first.keys() | second.keys() if first.get(name) != second.get(name))
+
+
+def _checksums(root: Path) -> dict[str, int]:
+    files = (path for path in root.rglob("*") if path.is_file() and path.name != JOURNAL)
+    return {str(path.relative_to(root)): crc32(_content(path)) for path in files}
 
 
 def _content(path: Path) -> bytes:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +15,7 @@ import lab.lidar
 from hil.apps.bench_suite.link import link
 from hil.apps.bench_suite.result import BenchmarkResult
 from hil.apps.bench_suite.sensors import raster
-from lab.dataset_cases import Rate
+from lab.dataset_cases import Rate, differing_files
 from signals.errors import RecordingError
 
 
@@ -73,3 +75,19 @@ def test_a_step_of_speed_that_breaks_is_an_error(
 def test_how_fast_the_smallest_data_set_was_is_not_told() -> None:
     result = lab.dataset.measure(quick=True, status=silent, errors_only=True)
     assert (result.rows, result.checks) == ([], [])
+
+
+def test_frames_that_took_no_measurable_time_have_no_rate() -> None:
+    assert Rate(20, 1.0, 10.0, processor_s=3.0).per_processor_s(Rate(10, 1.0, 10.0, processor_s=2.0)) > 0.0
+    assert math.isnan(Rate(20, 1.0, 10.0, processor_s=2.0).per_processor_s(Rate(10, 1.0, 10.0, processor_s=2.0)))
+
+
+def test_files_that_differ_are_named(tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    for root in (one, other):
+        (root / "data").mkdir(parents=True)
+        (root / "data/same.csv").write_text("1\n")
+        (root / "data/other.csv").write_text(root.name)
+    assert differing_files(one, one) == []
+    (other / "more").write_text("")
+    assert differing_files(one, other) == ["data/other.csv", "more"]
