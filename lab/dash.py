@@ -43,6 +43,7 @@ from hil.run.feed.payloads import array_payload
 from hil.run.part import Part
 from signals.errors import HilError
 
+TITLE = "Dashboard: cost of an open page for the run, and the server's memory"
 _PANES: dict[str, tuple[str, ...]] = {
     "page without panes": (),
     "two panes of the run's pictures": ("front/rgb", "front/depth"),
