@@ -26,7 +26,7 @@ class _FileOrCommand(TyperGroup):
 WorkersOption = Annotated[
     int | None, typer.Option(help="Flights at a time; default one per processor.", show_default=False, min=1)
 ]
-campaign_app = typer.Typer(
+campaign = typer.Typer(
     cls=_FileOrCommand, no_args_is_help=True, help="Fly a bench many times, under conditions that vary."
 )
 
@@ -48,7 +48,7 @@ class RunOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(RunOptions)
 def run(o: RunOptions) -> None:
     """Fly the campaign of a file: `hil campaign FILE`."""
@@ -70,7 +70,7 @@ def run(o: RunOptions) -> None:
     raise typer.Exit(status)
 
 
-@campaign_app.command()
+@campaign.command()
 def compare(
     first: Annotated[Path, typer.Argument(help="Folder of a campaign.", metavar="A")],
     second: Annotated[Path, typer.Argument(help="Folder of another.", metavar="B")],
@@ -98,7 +98,7 @@ class ShrinkCommandOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(ShrinkCommandOptions)
 def shrink(o: ShrinkCommandOptions) -> None:
     """Make a failing case smaller while it fails in the same way, and print the `hil run` command that repeats it."""
@@ -122,7 +122,7 @@ class SearchCommandOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(SearchCommandOptions)
 def search(o: SearchCommandOptions) -> None:
     """Look for failures: an optimizer proposes flights with smaller and smaller margins."""

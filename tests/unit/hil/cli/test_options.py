@@ -6,6 +6,7 @@ import inspect
 import subprocess
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import pytest
@@ -13,6 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 from hil.cli.app import run_command_line
+from hil.cli.commands import add_commands
 from hil.cli.options import QuietOption, takes
 from tests.worlds.patience import PATIENCE_S
 
@@ -45,6 +47,25 @@ def test_a_dataclass_of_options_is_a_commands_signature() -> None:
     assert CliRunner().invoke(app, []).exit_code == 2
     assert CliRunner().invoke(app, ["you", "--times", "0"]).exit_code == 2
     assert "Say hello." in CliRunner().invoke(app, ["--help"]).output
+
+
+def test_a_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "my_commands"
+    package.mkdir()
+    for name, text in {
+        "__init__": "",
+        "options": "x = 1\n",
+        "hop": "def hop():\n    print('hopped')\n",
+        "group": "import typer\n\ngroup = typer.Typer()\n\n\n@group.command()\ndef a():\n    print('a of group')\n\n\n"
+        "@group.command()\ndef b():\n    pass\n",
+    }.items():
+        (package / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    app = typer.Typer()
+    add_commands(app, ["my_commands"], first=("hop",))
+    assert CliRunner().invoke(app, ["hop"]).output == "hopped\n"
+    assert CliRunner().invoke(app, ["group", "a"]).output == "a of group\n"
+    assert CliRunner().invoke(app, ["options"]).exit_code == 2
 
 
 @pytest.mark.parametrize("command", ["--help", "run --help", "detect train --help"])
