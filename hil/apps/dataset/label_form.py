@@ -57,7 +57,7 @@ Frames = Callable[[], Iterable[AnnotatedFrame]]  # yields the annotated frames i
 
 
 class JointSample(NamedTuple):
-    """What a frame with a sweep shows. `sweep` and its `points` have the motion of the vehicle taken out."""
+    """Contents of a frame with a sweep. `sweep` and its `points` have the motion of the vehicle taken out."""
 
     frame: int
     t_ns: int  # with the epoch of the data set

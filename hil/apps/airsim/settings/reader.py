@@ -135,17 +135,15 @@ class Reader:
 
     def vector(self, default: Vec3) -> Vec3:
         """Return X, Y and Z of this object."""
-        x, y, z = (self.optional(key, -_FAR_M, _FAR_M) for key in "XYZ")
-        return (default[0] if x is None else x, default[1] if y is None else y, default[2] if z is None else z)
+        return self._three(("X", "Y", "Z"), default, _FAR_M)
 
     def angles_deg(self, default: Vec3) -> Vec3:
         """Return Roll, Pitch and Yaw of this object."""
-        roll, pitch, yaw = (self.optional(key, -3600.0, 3600.0) for key in ("Roll", "Pitch", "Yaw"))
-        return (
-            default[0] if roll is None else roll,
-            default[1] if pitch is None else pitch,
-            default[2] if yaw is None else yaw,
-        )
+        return self._three(("Roll", "Pitch", "Yaw"), default, 3600.0)
+
+    def _three(self, keys: tuple[str, str, str], default: Vec3, most: float) -> Vec3:
+        x, y, z = (self.optional(key, -most, most) for key in keys)
+        return (default[0] if x is None else x, default[1] if y is None else y, default[2] if z is None else z)
 
     def child(self, key: str) -> Reader | None:
         """Return the reader of an object, None where the key is absent. As in AirSim, null and [] count as absent."""

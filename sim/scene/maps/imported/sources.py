@@ -72,54 +72,31 @@ class GltfSource:
 
 
 @dataclass(frozen=True)
-class OsmSource:
-    """An OpenStreetMap extract, with heights if the section names them."""
+class SiteSource:
+    """An OpenStreetMap extract, a GeoTIFF of heights, or both, round a site: paths by their keys of section `map`."""
 
-    path: Path
-    elevation: Path | None
-    section: OsmMap
+    paths: dict[str, Path]
+    section: OsmMap | ElevationMap
     site: Site
     budget: Budget
 
     def key(self) -> str:
         state = hashlib.sha256(self.site.model_dump_json().encode())
-        for path in (self.path, self.elevation):
-            if path is not None:
-                state.update(_digest(path))
+        for path in self.paths.values():
+            state.update(_digest(path))
         return state.hexdigest()
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
-        arguments = (self.path, self.elevation, self.section, self.site, self.budget)
-        return limited(f"{_OSM}:made", *arguments, budget=self.budget, what="making its map")
+        module = _OSM if "osm" in self.paths else _ELEVATION
+        arguments = (self.paths, self.section, self.site, self.budget)
+        return limited(f"{module}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
-        names = {"osm": "map.osm.pbf" if self.path.suffix == ".pbf" else "map.osm"}
-        shutil.copyfile(self.path, folder / names["osm"])
-        if self.elevation is not None:
-            names["elevation"] = "elevation.tif"
-            shutil.copyfile(self.elevation, folder / names["elevation"])
+        names = {}
+        for key, path in self.paths.items():
+            names[key] = "elevation.tif" if key == "elevation" else f"map.osm{'.pbf' * (path.suffix == '.pbf')}"
+            shutil.copyfile(path, folder / names[key])
         return names
-
-
-@dataclass(frozen=True)
-class ElevationSource:
-    """A GeoTIFF of heights."""
-
-    path: Path
-    section: ElevationMap
-    site: Site
-    budget: Budget
-
-    def key(self) -> str:
-        return hashlib.sha256(self.site.model_dump_json().encode() + _digest(self.path)).hexdigest()
-
-    def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
-        arguments = (self.path, self.section, self.site, self.budget)
-        return limited(f"{_ELEVATION}:made", *arguments, budget=self.budget, what="making its map")
-
-    def save(self, folder: Path) -> dict[str, Any]:
-        shutil.copyfile(self.path, folder / "elevation.tif")
-        return {"elevation": "elevation.tif"}
 
 
 def _digest(path: Path) -> bytes:
@@ -136,15 +113,10 @@ def import_source(scene: Scene) -> ImportSource | None:
     if isinstance(section, GltfMap):
         path = named_file(scene, "gltf", section.gltf)
         return GltfSource(path, section, Budget(shown_path(path)))
-    if isinstance(section, OsmMap):
-        path = named_file(scene, "osm", section.osm)
-        elevation = None
-        if section.elevation is not None:
-            elevation = named_file(scene, "elevation", section.elevation)
-        return OsmSource(path, elevation, section, scene.site, Budget(shown_path(path)))
-    if isinstance(section, ElevationMap):
-        path = named_file(scene, "elevation", section.elevation)
-        return ElevationSource(path, section, scene.site, Budget(shown_path(path)))
+    if isinstance(section, OsmMap | ElevationMap):
+        named = {key: getattr(section, key, None) for key in ("osm", "elevation")}
+        paths = {key: named_file(scene, key, name) for key, name in named.items() if name is not None}
+        return SiteSource(paths, section, scene.site, Budget(shown_path(next(iter(paths.values())))))
     return None
 
 
