@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import AddressOption, EngineOption, QuietOption, takes
+from hil.cli.options import AddressOption, EngineOption, QuietOption, options_of, takes
 
 
 class _FileOrCommand(TyperGroup):
@@ -54,17 +54,7 @@ def run(o: RunOptions) -> None:
     """Fly the campaign of a file: `hil campaign FILE`."""
     from hil.apps.campaign.command import CampaignOptions, run_campaign
 
-    options = CampaignOptions(
-        engine=o.engine,
-        address=o.address,
-        workers=o.workers,
-        out=o.out,
-        resume=o.resume,
-        stop_after=tuple(o.stop_after or ()),
-        dry_run=o.dry_run,
-        yes=o.yes,
-        quiet=o.quiet,
-    )
+    options = options_of(CampaignOptions, o, stop_after=tuple(o.stop_after or ()))
     with exit_on_error():
         status = run_campaign(o.file, options, console)
     raise typer.Exit(status)
@@ -105,7 +95,7 @@ def shrink(o: ShrinkCommandOptions) -> None:
     from hil.apps.campaign.find.command import ShrinkOptions, shrink_case
 
     with exit_on_error():
-        shrink_case(o.case, ShrinkOptions(o.out, o.workers, o.tolerance, o.quiet), console)
+        shrink_case(o.case, options_of(ShrinkOptions, o), console)
 
 
 @dataclass(frozen=True)
@@ -128,7 +118,6 @@ def search(o: SearchCommandOptions) -> None:
     """Look for failures: an optimizer proposes flights with smaller and smaller margins."""
     from hil.apps.campaign.find.command import SearchOptions, search_failures
 
-    options = SearchOptions(o.trials, o.sampler, o.batch, o.seed, o.every, o.out, o.resume, o.workers, o.quiet)
     with exit_on_error():
-        status = search_failures(o.file, options, console)
+        status = search_failures(o.file, options_of(SearchOptions, o), console)
     raise typer.Exit(status)
