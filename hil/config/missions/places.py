@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 
 class PlaceItem(NamedTuple):
-    """What an item asks for. Parameters are given by their index, from 0."""
+    """Facts of one item. Parameters are given by their index, from 0."""
 
     name: str  # for messages
     role: Literal["waypoint", "take-off", "landing"] = "waypoint"

@@ -185,23 +185,14 @@ class Tables:
 
     def texts(self) -> Iterator[tuple[str, Iterator[str]]]:
         """Yield the path of each table in the folder of nuScenes, and its text in pieces."""
-        makers: Mapping[str, Callable[[], Iterable[Mapping[str, Any]]]] = {
-            "attribute": self._attribute,
-            "calibrated_sensor": self._calibrated_sensor,
-            "category": self._category,
-            "ego_pose": self._ego_pose,
-            "instance": self._instance,
-            "log": self._log,
-            "map": self._map,
-            "sample": self._sample,
-            "sample_annotation": self._sample_annotation,
-            "sample_data": self._sample_data,
-            "scene": self._scene,
-            "sensor": self._sensor,
-            "visibility": self._visibility,
-        }
-        for name, rows in makers.items():
-            yield f"{VERSION}/{name}.json", _array(rows())
+        # Each method makes the table of its name.
+        makers: tuple[Callable[[], Iterable[Mapping[str, Any]]], ...] = (
+            *(self._attribute, self._calibrated_sensor, self._category, self._ego_pose, self._instance, self._log),
+            *(self._map, self._sample, self._sample_annotation, self._sample_data, self._scene, self._sensor),
+            self._visibility,
+        )
+        for rows in makers:
+            yield f"{VERSION}/{rows.__name__[1:]}.json", _array(rows())
 
     def _attribute(self) -> Iterator[dict[str, Any]]:
         for name in _ATTRIBUTES:
