@@ -10,7 +10,7 @@ import hashlib
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError
@@ -26,46 +26,28 @@ _GLTF, _OSM = "sim.scene.maps.imported.gltf_import", "sim.scene.maps.imported.os
 _ELEVATION = "sim.scene.maps.imported.elevation_import"
 
 
-class ImportSource(Protocol):
-    """The files of one imported map."""
-
-    @property
-    def budget(self) -> Budget:
-        """Rest of the limits of the map, after what was made so far."""
-        ...
-
-    def key(self) -> str:
-        """Return a hash of the files. Raises ConfigError."""
-        ...
-
-    def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
-        """Return the map; `surfaces` by pattern of material names. Raises ConfigError."""
-        ...
-
-    def save(self, folder: Path) -> dict[str, Any]:
-        """Copy the files to a folder; return the keys of section `map` that name them, relative to `folder`."""
-        ...
-
-
 @dataclass(frozen=True)
 class GltfSource:
     """A glTF file."""
 
     path: Path
     section: GltfMap
-    budget: Budget
+    budget: Budget  # rest of the limits of the map, after what was made so far
     _key: list[str] = field(default_factory=list)
 
     def key(self) -> str:
+        """Return a hash of the files. Raises ConfigError."""
         if not self._key:
             self._key.append(limited(f"{_GLTF}:key", self.path, self.budget, budget=self.budget, what="reading it"))
         return self._key[0]
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
+        """Return the map; `surfaces` by pattern of material names. Raises ConfigError."""
         arguments = (self.path, self.section, surfaces, self.budget)
         return limited(f"{_GLTF}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
+        """Copy the files to a folder; return the keys of section `map` that name them, relative to `folder`."""
         arguments = (self.path, (folder / "map.glb").absolute(), self.budget)
         limited(f"{_GLTF}:pack", *arguments, budget=self.budget, what="copying it")
         return {"gltf": "map.glb"}
@@ -97,6 +79,9 @@ class SiteSource:
             names[key] = "elevation.tif" if key == "elevation" else f"map.osm{'.pbf' * (path.suffix == '.pbf')}"
             shutil.copyfile(path, folder / names[key])
         return names
+
+
+ImportSource = GltfSource | SiteSource
 
 
 def _digest(path: Path) -> bytes:
