@@ -26,6 +26,7 @@ from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from lab.airsim_server import BenchClient, BenchServer
 from signals.errors import HilError
 
+TITLE = "Server of AirSim's API: time of its calls"
 _NO_LIMIT_S = 3e38
 _AHEAD = {"is_rate": True, "yaw_or_rate": 0.0}
 _SCENE, _DEPTH_PLANAR, _DEPTH_PERSPECTIVE, _SEGMENTATION = 0, 1, 2, 5

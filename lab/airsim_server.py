@@ -15,7 +15,7 @@ from typing import Any
 
 import msgpack
 
-from hil.apps.bench_suite.timing import processor_s
+from hil.apps.bench_suite.timing import processor_s, resident_mib
 from signals.errors import HilError
 
 _ADDRESS = re.compile(r"airsim: 127\.0\.0\.1:(\d+)")
@@ -119,11 +119,7 @@ class BenchServer:
 
     def resident_mib(self) -> float:
         """Return its resident memory [MiB]; NaN where the system does not tell."""
-        try:
-            pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1])
-            return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-        except OSError:
-            return float("nan")
+        return resident_mib(self._process.pid)
 
     def open_files(self) -> float:
         """Return the number of its open files; NaN where the system does not tell."""

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 import select
 import socket
 import tempfile
@@ -31,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.timing import FlightCost, processor_s
+from hil.apps.bench_suite.timing import FlightCost, processor_s, resident_mib
 from hil.apps.dash.command import server_process
 from hil.apps.dash.part import DashboardPart
 from hil.apps.dash.server.serve import open_port
@@ -43,6 +42,7 @@ from hil.run.feed.payloads import array_payload
 from hil.run.part import Part
 from signals.errors import HilError
 
+TITLE = "Dashboard: cost of an open page for the run, and the server's memory"
 _PANES: dict[str, tuple[str, ...]] = {
     "page without panes": (),
     "two panes of the run's pictures": ("front/rgb", "front/depth"),
@@ -153,7 +153,7 @@ def _measure_memory(folder: Path, updates: int, status: ShowStatus) -> tuple[tup
                 sent += 1
                 connection.sendall(packed(_state(sent, panes)))
                 if sent in (updates // 4, updates):
-                    memory_mib.append(_resident_mib(pid))
+                    memory_mib.append(resident_mib(pid))
                     status(f"{sent} of {updates} updates, {memory_mib[-1]:.0f} MiB")
         update_s = (time.monotonic() - began_s) / sent
     return (memory_mib[0], memory_mib[1]), update_s
@@ -210,11 +210,3 @@ def follow(host: str, panes: Sequence[str]) -> int:
                 received += 1
         except ConnectionClosed:
             return received
-
-
-def _resident_mib(pid: int) -> float:
-    """Return the resident memory of a process [MiB], or NaN if the system does not report it."""
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-    except OSError:
-        return float("nan")

@@ -32,6 +32,7 @@ from lab.dataset_cases import (
 from signals.processors import usable_processors
 from sim.frame.quality import QUALITIES
 
+TITLE = "Data sets: time per frame and errors of the labels"
 _PAPER_FRAMES_PER_S = {(True, True): 7.17, (False, True): 20.1}  # by (radar, storage)
 _FRAMES, _QUICK_FRAMES, _SHORT_FRAMES = 500, 250, 50
 _HIGHER_QUALITY_FRAMES = 150  # at each quality above the lowest

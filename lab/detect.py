@@ -27,6 +27,7 @@ from signals.errors import RecordingError
 
 from hil_companion.detect.model_file import GOOD  # isort: skip
 
+TITLE = "Detector: loss of precision against time per picture"
 BACKENDS = ("opencv", "onnxruntime", "pytorch")
 PAPER = {"PyTorch": 4.6, "TensorRT": 8.76}  # frames per second, table 8
 _OTHER_SIZES = ((160, 112), (240, 176), (480, 352), (640, 480))  # besides the model's own; multiples of 16

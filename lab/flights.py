@@ -38,6 +38,7 @@ from lab.flights_force import LIMITS, add_specific_force
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle, load_vehicle
 
+TITLE = "Logged flights: position error of predictions against their time"
 QUANTITIES = ("position_m", "velocity_mps", "rotation_rad", "rate_radps")
 _UNITS = ("m", "m/s", "rad", "rad/s")
 # Busetto et al., arXiv 2512.14450, at 0.5 s: rotation and rate the best published; position and velocity those of a

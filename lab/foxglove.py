@@ -27,6 +27,7 @@ from hil.apps.bench_suite.timing import FlightCost
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 
+TITLE = "Foxglove: cost of a connected client for the run"
 _TOPICS = ("/front/rgb/compressed", "/down/rgb/compressed", "/lidar")
 _CAMERA = "kind: camera, resolution: [320, 240], fov_deg: 90, rate_hz: 25, channels: [rgb]"
 _SETTINGS = [

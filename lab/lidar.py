@@ -35,6 +35,7 @@ from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
 
+TITLE = "LiDAR: range error against time per sweep"
 Float64 = NDArray[np.float64]
 Hits = tuple[Float64, NDArray[np.int32]]  # range [m], +inf for none; geom, -1 for none
 

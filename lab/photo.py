@@ -34,6 +34,7 @@ from sim.frame.renderer import FrameRenderer
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
 
+TITLE = "Path-traced colour: time of a picture and errors of its geometry"
 _FOV_DEG = 90.0
 _SIZES = ((320, 240), (640, 480))
 _TIME_LIMITS_S = {320: 3.0, 640: 7.0}

@@ -20,6 +20,7 @@ from hil.run.bench_run import run_bench
 from hil.run.parts.links.ros2.dds_ports import free_domain
 from signals.errors import ConfigError, HilError
 
+TITLE = "ROS 2: cost of a node with subscribers for the run"
 _TYPES = {"/imu": "sensor_msgs/Imu", "/front/rgb": "sensor_msgs/Image", "/lidar": "sensor_msgs/PointCloud2"}
 _RATES_HZ = {"/imu": 250, "/front/rgb": 30, "/lidar": 10}
 _SETTINGS = [

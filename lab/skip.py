@@ -49,6 +49,7 @@ from sim.scene.view_point import ViewPoint
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
 
+TITLE = "Skipping: time saved by each rule"
 Outputs = dict[str, NDArray[Any]]
 Run = Callable[[bool], Iterator[tuple[float, Outputs]]]
 _COLOUR = ("rgb", "depth", "segmentation")

@@ -22,6 +22,7 @@ from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from signals.errors import HilError
 
+TITLE = "Several vehicles: time per vehicle second"
 _BENCH = Path(rigs.__file__).resolve().parent / "swarm.yaml"
 _TRANSPORTS = {"in memory": "loopback", "pty": "pty"}
 _MIN_RATIO = 0.9

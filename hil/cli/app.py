@@ -1,4 +1,4 @@
-"""All commands of `hil` in the order in which `hil --help` lists them."""
+"""The command line of `hil`: each command is one file of `live/` or `offline/`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from hil.cli.commands import add_commands
 from hil.cli.console import error_console
-from hil.cli.live import airsim, check, companion, dash, devices, keys, replay, run
-from hil.cli.offline import bench, calibrate, campaign, dataset, identify, radar, vehicle, video, view
-from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
 
 _COMPLETE = "_HIL_COMPLETE"  # variable that the completion scripts of `--install-completion` set
@@ -28,11 +26,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for _command in (
-    run.run, check.check, dataset.dataset, replay.replay, bench.bench, devices.devices, view.view, video.video,
-    dash.dash, keys.keys, companion.companion, radar.radar, identify.identify, airsim.airsim,
-):  # fmt: skip
-    app.command()(_command)
+add_commands(
+    app, ["hil.cli.live", "hil.cli.offline"], first=("run", "check", "dataset", "replay", "bench", "devices", "view")
+)
 
 
 def _print_version(wanted: bool) -> None:
@@ -49,14 +45,6 @@ def _options(
 ) -> None:
     pass
 
-
-_detect = typer.Typer(help="The detector: train it on data sets, evaluate it, and make the data.", no_args_is_help=True)
-for _command in (train.train, evaluate.evaluate, data.data):
-    _detect.command()(_command)
-app.add_typer(calibrate.calibrate_app, name="calibrate")
-app.add_typer(_detect, name="detect")
-app.add_typer(campaign.campaign_app, name="campaign")
-app.add_typer(vehicle.vehicle_app, name="vehicle")
 
 _EMPTY = re.compile(r"\s*|--[a-z-]+=\s*")
 _WRITTEN = ("--out", "--json")  # options that name what is written

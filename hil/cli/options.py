@@ -35,6 +35,12 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print no progr
 Options = TypeVar("Options")
 
 
+def options_of(kind: type[Options], o: object, **others: Any) -> Options:
+    """Return an application's options: from a command's those of the same names, and `others`."""
+    names = {field.name for field in fields(kind)} & vars(o).keys() - others.keys()  # type: ignore[arg-type]
+    return kind(**{name: getattr(o, name) for name in names}, **others)
+
+
 def takes(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
     """Make a command of a function whose one parameter is the dataclass `options`.
 

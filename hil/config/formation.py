@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from hil.config.bench import site_of
 from hil.config.group_schema import Formation
-from hil.config.missions.mission import LAND_COMMANDS, MAY_BE_OPEN, PLACE_COMMANDS, POSITION_FRAMES, Mission
+from hil.config.missions.mission import POSITION_FRAMES, Mission
+from hil.config.missions.places import LAND_COMMANDS, MAY_BE_OPEN, PLACE_COMMANDS
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
 from signals.samples import Vec3

@@ -32,6 +32,7 @@ from hil.config.limit_values import (
     TimeLimit,
     TimeLimitOrZero,
 )
+from hil.data_set_files import LABEL_FORMATS
 from signals.documents.validate import Section, nearest
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -295,8 +296,8 @@ class DatasetSettings(Section):
     depth_step_m: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.001  # of depth pictures; range 65534 steps
     guard_frames: Annotated[int, Field(ge=0, le=1000)] = 2  # in no set, at the border of two sets
     lidar_csv: bool = False  # LiDAR sweeps as text too: slow and large
-    # Forms of 3-D labels beside EuRoC, VOC and COCO, which are always written; kitti and nuscenes include boxes.
-    formats: tuple[Literal["boxes", "kitti", "nuscenes"], ...] = ()
+    # Forms of 3-D labels beside EuRoC, VOC and COCO, which are always written; all others include boxes.
+    formats: tuple[Literal[LABEL_FORMATS], ...] = ()  # type: ignore[valid-type]
 
 
 class Limits(Section):

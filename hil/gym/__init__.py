@@ -18,7 +18,7 @@ except ImportError as error:
 import hil.own_packages  # noqa: F401 (before every import of a package beside hil)
 from hil.gym.env import FlightEnv
 from hil.gym.registration import IDS, register_all
-from hil.gym.tasks.transition import Transition
+from hil.gym.transition import Transition
 from hil.gym.vector_env import FlightVectorEnv
 
 __all__ = ["IDS", "FlightEnv", "FlightVectorEnv", "Transition", "gymnasium"]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi, sqrt
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -79,36 +79,32 @@ def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
     return values
 
 
-class Driver(Protocol):
+class Driver:
     """Commands of one vehicle."""
 
-    cruises: bool  # `cruise_flights` can fly the actions
-
-    @property
-    def held(self) -> Sequence[float] | Kernel | None:
-        """For `SteppedWorld.hold`; None: the vehicle has a pilot."""
-        ...
+    held: Sequence[float] | Kernel | None  # for `SteppedWorld.hold`; None: the vehicle has a pilot
+    cruises = False  # `cruise_flights` can fly the actions
 
     def rest(self) -> Sequence[float]:
-        """Return the action that is flown before the first one has arrived."""
-        ...
+        """Return the action that is flown before the first one has arrived: of set-points, that which hovers."""
+        return (0.0, 0.0, 0.0, 0.0)
 
     def pilot(self, truth: TruthState) -> Sequence[float]:
         """Return the commands of the rotors until the next tick, in a world of several vehicles."""
-        ...
+        raise NotImplementedError
 
     def begin(self, origin_W: Vec3) -> None:
         """Begin an episode, after the vehicle was put to its start."""
-        ...
 
     def command(self, values: Sequence[float]) -> None:
         """Take an action for the coming step."""
-        ...
+        raise NotImplementedError
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """End an autopilot."""
 
 
-class MotorDriver:
+class MotorDriver(Driver):
     """Commands of the rotors."""
 
     held: Sequence[float] = ()
@@ -123,17 +119,11 @@ class MotorDriver:
         command = hover_control(self._vehicle.vehicle) if turning else 0.0
         return [2.0 * command - 1.0] * len(self._vehicle.vehicle.rotors)
 
-    def pilot(self, truth: TruthState) -> Sequence[float]:  # noqa: ARG002 (the protocol)
+    def pilot(self, truth: TruthState) -> Sequence[float]:  # noqa: ARG002 (of other drivers)
         return self.held
-
-    def begin(self, origin_W: Vec3) -> None:
-        """Nothing is remembered."""
 
     def command(self, values: Sequence[float]) -> None:
         self.held = [0.5 * (value + 1.0) for value in values]
-
-    def close(self) -> None:
-        """Nothing is open."""
 
 
 class ControlsDriver(MotorDriver):
@@ -156,8 +146,10 @@ class ControlsDriver(MotorDriver):
         self.held = [v if signed else 0.5 * (v + 1.0) for v, signed in zip(values, self._signed, strict=True)]
 
 
-class IdealDriver:
+class IdealDriver(Driver):
     """Set-points for the ideal controller."""
+
+    held: Kernel
 
     def __init__(self, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._vehicle, self._options = vehicle, options
@@ -165,12 +157,9 @@ class IdealDriver:
         self.held = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2, density_ratio=thin).kernel
         self._aim = self.held.aim
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
-        self.command = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[options.action]
+        commands = {"rates": self._rates, "velocity": self._velocity, "position": self._position}
+        self.command = commands[options.action]  # type: ignore[method-assign]
         self.cruises = options.action == "rates"
-
-    def rest(self) -> Sequence[float]:
-        """Return the action that hovers; a commanded position is that of the vehicle."""
-        return (0.0, 0.0, 0.0, 0.0)
 
     def pilot(self, truth: TruthState) -> Sequence[float]:
         t = truth
@@ -181,9 +170,6 @@ class IdealDriver:
     def begin(self, origin_W: Vec3) -> None:
         self._origin_W = origin_W
         self.held.reset()
-
-    def close(self) -> None:
-        """Nothing is open."""
 
     def _rates(self, values: Sequence[float]) -> None:
         p, q, r, thrust = values
@@ -201,15 +187,10 @@ class IdealDriver:
         self._aim(POSITION, x, y, HEIGHT, z, False, values[3] * pi, self._options.speed_mps)
 
 
-class RigDriver:
+class RigDriver(Driver):
     """Set-points for the autopilot of the bench's rig, which is started anew for every episode."""
 
     held: None = None
-    cruises = False
-
-    def rest(self) -> Sequence[float]:
-        """Return the action of a hover."""
-        return (0.0, 0.0, 0.0, 0.0)
 
     def __init__(self, bench: Bench, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._bench, self._vehicle, self._world, self._options = bench, vehicle, world, options
@@ -246,7 +227,6 @@ class RigDriver:
         self._pilot.desire(desired)
 
     def close(self) -> None:
-        """End the autopilot."""
         if self._pilot is not None:
             self._pilot.close()
             self._pilot = self._vehicle.pilot = None

@@ -5,31 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import Bench
+from hil.gym import tasks
 from hil.gym.actions import action_space, cruise_commands
 from hil.gym.flight import Flight, with_map_seed
 from hil.gym.history import History
 from hil.gym.options import read_bench, read_options
 from hil.gym.pictures import Picture, Pictures
 from hil.gym.recordings import Recordings
-from hil.gym.tasks.task import Ends, Rewards, Step, Task
+from hil.gym.task import Ends, Rewards, Step, Task
 from hil.run.stepped.ideal_controller import MOST_SPEED_MPS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError
 from sim._kernels import cruise_flights
 
-TASKS = {
-    "hover": "hil.gym.tasks.hover:HoverTask",
-    "waypoints": "hil.gym.tasks.waypoints:WaypointsTask",
-    "explore": "hil.gym.tasks.explore:ExploreTask",
-    "cruise": "hil.gym.tasks.cruise:CruiseTask",
-    "bench": "hil.gym.tasks.bench:BenchTask",
-}
+TASKS = [module.name for module in iter_modules(tasks.__path__)]  # each file is a task: the class NameTask in name.py
 
 _FLIES: Ends = np.ones(1, np.bool_)  # of a batch of one
 
@@ -263,8 +259,7 @@ def task_class(task: str) -> type[Task]:
     """Return the class of a task. Raises ConfigError for an unknown name."""
     if task not in TASKS:
         raise ConfigError.at("hil.gym", f"task {task!r} is unknown", nearest(task, TASKS))
-    module, _, name = TASKS[task].partition(":")
-    found: type[Task] = getattr(import_module(module), name)
+    found: type[Task] = getattr(import_module(f"hil.gym.tasks.{task}"), f"{task.title()}Task")
     return found
 
 

@@ -22,9 +22,9 @@ from hil.gym.options import read_bench, read_options
 from hil.gym.pictures import RENDER_MODES, Window, check_mode, rendering
 from hil.gym.ports import Ports
 from hil.gym.recordings import Recordings
+from hil.gym.task import seed_of
 from hil.gym.tasks.bench import BenchOptions, flag, function, number
-from hil.gym.tasks.task import seed_of
-from hil.gym.tasks.transition import Transition
+from hil.gym.transition import Transition
 from hil.run.film.film import Film, Picture, check_view
 from hil.run.sensors.frame_stages import available_ports
 from hil.run.stepped.world import SteppedWorld

@@ -47,6 +47,7 @@ from lab.gym.peers import (
     SimulatorProcess,
 )
 
+TITLE = "Gymnasium environment: integration error against time of a step"
 _WORLDS = 256
 _TURN_S = 0.5  # processor time of one measurement
 _SINGLE = (OWN_10_MS, OWN_25_MS, OWN_RATES, OWN_COARSE, ROTORPY, PYFLYT, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)

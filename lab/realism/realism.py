@@ -39,6 +39,7 @@ from lab.realism.sheet import Tile, recall_plot, write_sheet
 from signals.errors import ConfigError, Problem
 from sim.frame.quality import QUALITIES
 
+TITLE = "Realism: recall of networks trained on real photographs"
 SCENES = ("city_park", "urban_delivery", "training_village")
 SEEDS: tuple[int | None, ...] = (None, 11, 12, 13, 14, 15)  # of the map; None: the scene's own
 QUALITY = "high"

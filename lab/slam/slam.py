@@ -20,6 +20,7 @@ from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from lab.slam.recording import Noise, without_gps
 from lab.slam.replay import Outcome, Recording, make_recording, replay
 
+TITLE = "SLAM: error of trajectory and map against the time of an update"
 _VILLAGES = (1, 2, 3, 4, 5, 6, 7, 8)
 _LOST_S = (14.0, 34.0)
 _PARTICLES = (1, 5, 10, 30, 100)

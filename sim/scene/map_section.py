@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from pydantic import Discriminator, Field, Tag
@@ -126,9 +127,7 @@ class OsmMap(_FileMap):
     mjcf: Any = Field(default=None, exclude=True)
     gltf: Any = Field(default=None, exclude=True)
 
-    @property
-    def surfaces(self) -> dict[str, SurfaceChoice]:
-        return {}
+    surfaces: ClassVar[Mapping[str, SurfaceChoice]] = {}
 
 
 class ElevationMap(_FileMap):
@@ -142,17 +141,9 @@ class ElevationMap(_FileMap):
     mjcf: Any = Field(default=None, exclude=True)
     gltf: Any = Field(default=None, exclude=True)
 
-    @property
-    def classes(self) -> dict[str, tuple[Glob, ...]]:
-        return {}
-
-    @property
-    def new_classes(self) -> tuple[ClassName, ...]:
-        return ()
-
-    @property
-    def surfaces(self) -> dict[str, SurfaceChoice]:
-        return {}
+    classes: ClassVar[Mapping[str, tuple[Glob, ...]]] = {}
+    new_classes: ClassVar[tuple[ClassName, ...]] = ()
+    surfaces: ClassVar[Mapping[str, SurfaceChoice]] = {}
 
 
 def _map_source(section: Any) -> str:

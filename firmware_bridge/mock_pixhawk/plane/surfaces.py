@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from signals.linear import inverse
 
 STEERING_WHEEL = 16  # CA_SV_CSn_TYPE
 WHEEL_BRAKE = 20  # of the mock alone: PX4 has no wheel brakes
@@ -27,8 +28,8 @@ def allocation(effect: Sequence[Sequence[float]]) -> list[list[float]]:
     axes = [a for a in range(3) if any(abs(value) > _LEAST for value in effect[a])]
     while axes:
         square = [[sum(effect[a][i] * effect[b][i] for i in range(count)) for b in axes] for a in axes]
-        inverse = _inverse(square)
-        if inverse is not None:
+        inverted = inverse(square, _SOLVABLE)
+        if inverted is not None:
             break
         axes.pop()  # a V of one surface cannot give all of them: yaw goes first, then pitch
     else:
@@ -36,26 +37,8 @@ def allocation(effect: Sequence[Sequence[float]]) -> list[list[float]]:
     mix = [[0.0, 0.0, 0.0] for _ in range(count)]
     for i in range(count):
         for column, axis in enumerate(axes):
-            mix[i][axis] = sum(effect[a][i] * inverse[row][column] for row, a in enumerate(axes))
+            mix[i][axis] = sum(effect[a][i] * inverted[row][column] for row, a in enumerate(axes))
     return mix
-
-
-def _inverse(matrix: list[list[float]]) -> list[list[float]] | None:
-    """Return the inverse by Gauss and Jordan with pivots; None if there is none."""
-    n = len(matrix)
-    rows = [list(row) + [1.0 if i == j else 0.0 for j in range(n)] for i, row in enumerate(matrix)]
-    for column in range(n):
-        pivot = max(range(column, n), key=lambda r: abs(rows[r][column]))
-        if abs(rows[pivot][column]) < _SOLVABLE:
-            return None
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        scale = rows[column][column]
-        rows[column] = [value / scale for value in rows[column]]
-        for r in range(n):
-            if r != column and rows[r][column] != 0.0:
-                factor = rows[r][column]
-                rows[r] = [a - factor * b for a, b in zip(rows[r], rows[column], strict=True)]
-    return [row[n:] for row in rows]
 
 
 class SurfaceMixer:

@@ -1,11 +1,14 @@
-"""Modules of the benchmarks: of this package, and of `lab/`, which is in a checkout and not in the wheel.
+"""The benchmarks: each module with a `TITLE`, in this package or in `lab/`, which a checkout has and the wheel has not.
 
-No file imports `lab`: its cases are found by their place beside the package `hil`.
+No file imports `lab`: it is found by its place beside the package `hil`. Titles are read without an import, since some
+modules import what only their benchmark needs.
 """
 
 from __future__ import annotations
 
+import re
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -14,16 +17,29 @@ import hil
 
 _CHECKOUT = Path(hil.__file__).resolve().parents[1]  # or the folder of installed packages
 NEEDS_CHECKOUT = "needs a checkout of hil-bench, an installed package lacks its cases"
+_TITLE = re.compile(r'^TITLE = "', re.MULTILINE)
 
 
-def is_here(module: str) -> bool:
-    """Return False for a module of `lab` in an installation that has none."""
-    file = _CHECKOUT / f"{module.replace('.', '/')}.py"
-    return not module.startswith("lab.") or ((_CHECKOUT / "pyproject.toml").exists() and file.exists())
+def has_lab() -> bool:
+    """Return False in an installation, which has no `lab`."""
+    return (_CHECKOUT / "pyproject.toml").exists() and (_CHECKOUT / "lab").is_dir()
+
+
+@cache
+def benchmarks() -> dict[str, str]:
+    """Return the module of each benchmark of this machine by its name, that of the file; in the order of names."""
+    folders = {__package__: Path(__file__).parent} | ({"lab": _CHECKOUT / "lab"} if has_lab() else {})
+    found = {
+        file.stem: ".".join((package, *file.relative_to(folder).with_suffix("").parts))
+        for package, folder in folders.items()
+        for file in folder.rglob("*.py")
+        if _TITLE.search(file.read_text(encoding="utf-8"))
+    }
+    return dict(sorted(found.items()))
 
 
 def import_case(module: str) -> ModuleType:
-    """Return the module of a benchmark that `is_here`."""
+    """Return the module of a benchmark."""
     if module.startswith("lab.") and str(_CHECKOUT) not in sys.path:
         sys.path.insert(0, str(_CHECKOUT))  # processes of a benchmark inherit the path
     return import_module(module)

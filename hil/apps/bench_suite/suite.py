@@ -1,4 +1,11 @@
-"""`hil bench`: the benchmarks by name, and the output of their results as table, JSON and plot."""
+"""`hil bench`: runs of benchmarks by name, and the output of their results as table, JSON and plot.
+
+A benchmark is one file, here or in `lab/`, with `TITLE`, that of its plot, and a function
+`measure(*, quick, status) -> BenchmarkResult`, which takes `options` too if `hil bench --set` applies to it, and
+`errors_only` if it then has less to do. It may have `missing() -> str`, the reason why this machine cannot run it
+("" if it can), which leaves it out of ALL, and `plot(result, title, path)`, which replaces the plot of error against
+time and returns the paths of further files.
+"""
 
 from __future__ import annotations
 
@@ -12,43 +19,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, import_case, is_here
+from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, benchmarks, has_lab, import_case
 from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
 from signals.errors import ConfigError, Problem, file_errors
-
-# Name -> (module, title of the plot); modules of `lab` are found in a checkout only. The module has a function
-# `measure(*, quick, status) -> BenchmarkResult`, which takes `options` too if `hil bench --set` applies to it, and
-# `errors_only` if it then has less to do. It may have `missing() -> str`, the reason why this machine cannot run it
-# ("" if it can), which leaves it out of ALL, and `plot(result, title, path)`, which replaces the plot of error
-# against time and returns the paths of further files.
-BENCHMARKS: dict[str, tuple[str, str]] = {
-    "airsim": ("lab.airsim", "Server of AirSim's API: time of its calls"),
-    "dash": ("lab.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
-    "dataset": ("lab.dataset", "Data sets: time per frame and errors of the labels"),
-    "detect": ("lab.detect", "Detector: loss of precision against time per picture"),
-    "flights": ("lab.flights", "Logged flights: position error of predictions against their time"),
-    "gym": ("lab.gym.gym", "Gymnasium environment: integration error against time of a step"),
-    "foxglove": ("lab.foxglove", "Foxglove: cost of a connected client for the run"),
-    "lidar": ("lab.lidar", "LiDAR: range error against time per sweep"),
-    "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
-    "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),
-    "photo": ("lab.photo", "Path-traced colour: time of a picture and errors of its geometry"),
-    "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
-    "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
-    "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),
-    "realism": ("lab.realism.realism", "Realism: recall of networks trained on real photographs"),
-    "ros2": ("lab.ros2", "ROS 2: cost of a node with subscribers for the run"),
-    "skip": ("lab.skip", "Skipping: time saved by each rule"),
-    "slam": ("lab.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
-    "stability": (
-        "hil.apps.bench_suite.physics.stability",
-        "Stability: errors of each method far beyond normal flight",
-    ),
-    "vehicles": ("lab.vehicles", "Several vehicles: time per vehicle second"),
-}
-
 
 ALL = "all"
 
@@ -72,36 +47,40 @@ def run_benchmarks(
     Raises ConfigError for an unknown name or setting, or a benchmark that needs a checkout where there is none;
     RecordingError if a file cannot be written.
     """
-    unknown = [each for each in (*without, *([] if name == ALL else [name])) if each not in BENCHMARKS]
+    named = (*(without if has_lab() else ()), *([] if name == ALL else [name]))  # without a lab its names mean nothing
+    unknown = [each for each in named if each not in benchmarks()]
+    if unknown and not has_lab():
+        known = ", ".join((*benchmarks(), ALL))
+        todo = (
+            f"run `make setup` in a checkout, then `.venv/bin/hil bench {unknown[0]}` there; here use one of: {known}"
+        )
+        raise ConfigError.at(f"hil bench {unknown[0]}", NEEDS_CHECKOUT, todo)
     if unknown:
-        known = f"use one of: {', '.join(BENCHMARKS)}, {ALL}"
+        known = f"use one of: {', '.join(benchmarks())}, {ALL}"
         raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
     if name == ALL:
         if json is not None or settings:
             raise ConfigError.at("hil bench all", "takes neither --json nor --set", "name one benchmark")
         results: dict[str, BenchmarkResult] = {}
-        for each in BENCHMARKS:
+        for each, module in benchmarks().items():
             console.rule(f"hil bench {each}", align="left")
-            if reason := "--without" if each in without else _missing(BENCHMARKS[each][0]):
+            if reason := "--without" if each in without else _missing(module):
                 console.print(f"left out: {reason}")
             else:
                 results[each] = _run(
                     each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only
                 )
+        if not has_lab():
+            console.print(f"left out: lab/, which {NEEDS_CHECKOUT}")
         _print_summary(results, console)
         return bool(results) and all(result.met for result in results.values())
     if without:
         raise ConfigError.at("--without", "applies to 'hil bench all' alone")
-    if not is_here(BENCHMARKS[name][0]):
-        todo = f"run `make setup` in a checkout, then `.venv/bin/hil bench {name}` there"
-        raise ConfigError.at(f"hil bench {name}", NEEDS_CHECKOUT, todo)
     return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only).met
 
 
 def _missing(module: str) -> str:
     """Return the reason why this machine cannot run a benchmark, or ""."""
-    if not is_here(module):
-        return NEEDS_CHECKOUT
     missing: Callable[[], str] = getattr(import_case(module), "missing", str)
     return missing()
 
@@ -109,8 +88,7 @@ def _missing(module: str) -> str:
 def _run(
     name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str], errors_only: bool
 ) -> BenchmarkResult:
-    module, title = BENCHMARKS[name]
-    benchmark = import_case(module)
+    benchmark = import_case(benchmarks()[name])
     measure: Callable[..., BenchmarkResult] = benchmark.measure
     draw: Callable[[BenchmarkResult, str, Path], list[Path] | None] = getattr(benchmark, "plot", work_precision_plot)
     takes = signature(measure).parameters
@@ -130,7 +108,7 @@ def _run(
         with file_errors(json):
             json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
         plot = json.with_suffix(".png")
-        further = draw(result, title, plot) or []
+        further = draw(result, benchmark.TITLE, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
     return result
 

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 
 from hil.run.part import Part
 
@@ -75,4 +76,12 @@ def processor_s(pid: int) -> float:
     try:
         return time.clock_gettime((~pid << 3) | 2)  # Linux: the processor clock of that process
     except (AttributeError, OSError, OverflowError):
+        return float("nan")
+
+
+def resident_mib(pid: int) -> float:
+    """Return the resident memory of a process [MiB], or NaN if the system does not report it."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+    except OSError:
         return float("nan")

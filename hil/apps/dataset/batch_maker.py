@@ -22,12 +22,12 @@ from hil.apps.dataset.formats.coco import CocoPicture, coco_picture
 from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.apps.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
-from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
 from hil.apps.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, visible_objects
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
 from hil.apps.dataset.formats.radar_labels import radar_labels_csv
 from hil.apps.dataset.formats.radar_npy import npy
+from hil.apps.dataset.label_form import AnnotatedFrame
 from hil.apps.dataset.moments import Batch, DueSample, Moment, Taken
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk

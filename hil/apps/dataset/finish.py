@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hil.apps.dataset.formats import kitti, nuscenes, voc
+from hil.apps.dataset.formats import voc
 from hil.apps.dataset.formats.boxes import FOLDER as BOXES
 from hil.apps.dataset.formats.coco import coco_parts
 from hil.apps.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, Datasheet, datasheet_html
@@ -22,7 +22,7 @@ from hil.apps.dataset.formats.previews import radar_picture
 from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
 from hil.apps.dataset.formats.radar_labels import read_radar_labels
 from hil.apps.dataset.formats.split import GUARD, SETS, Split, equal_segments, split_frames, split_text
-from hil.apps.dataset.object_files import link, object_files
+from hil.apps.dataset.label_form import finish_forms, forms_of, link
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord
 from hil.apps.dataset.storage.manifest import write_manifest
@@ -118,8 +118,7 @@ def finish(
         names = [str(t_ns) for t_ns in counts.frame_t_ns]
         written += [tree.write(f"{IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
         written += _coco_files(plan, store, split, catalogue, records)
-    if plan.formats:
-        written += object_files(plan, tree, split, catalogue, store.annotated_frames)
+    written += finish_forms(forms_of(plan, catalogue), tree, split, store.annotated_frames)
     written.append(tree.write(SPLIT_NAME, split_text(split).encode()))
     if plan.labelled is not None:
         link(root / IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
@@ -257,7 +256,7 @@ def _datasheet(
         class_pixels=counts.pixels,
         class_objects=by_class,
         split=split,
-        formats=_formats(plan),
+        formats=_formats(plan, catalogue),
         pictures=[_preview_picture(store.root, path) for path in previews],
         limits=limits,
     )
@@ -294,7 +293,7 @@ def _sensor_rows(plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> li
     return rows
 
 
-def _formats(plan: DatasetPlan) -> dict[str, str]:
+def _formats(plan: DatasetPlan, catalogue: Catalogue) -> dict[str, str]:
     step_m = plan.config.dataset.depth_step_m
     contents = {
         f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files",
@@ -314,10 +313,7 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
     }
     if plan.formats:
         contents[f"{ROOT}/*/{BOXES}"] = "CSV: the 3-D box of each object that a picture or a sweep shows"
-    if "kitti" in plan.formats:
-        contents[kitti.ROOT] = "KITTI's object detection: image_2, velodyne, label_2, calib, ImageSets"
-    if "nuscenes" in plan.formats:
-        contents[nuscenes.ROOT] = f"nuScenes, version {nuscenes.VERSION}: samples, sweeps and tables"
+    contents |= {name: form.contents for name, form in zip(plan.joint_formats, forms_of(plan, catalogue), strict=True)}
     if plan.labelled is None:
         contents = {k: v for k, v in contents.items() if "VOC" not in v and "COCO" not in v}
     return contents

@@ -25,6 +25,7 @@ from hil.config.checks.course_notes import first_note
 from hil.config.files import find
 from hil.config.missions import load_mission
 from hil.config.schema import MAX_HEIGHT_M, Record, Trajectory
+from hil.data_set_files import LABEL_FORMATS
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -39,7 +40,6 @@ from sim.sensors.radar_parameters import RadarParameters
 DEFAULT_BENCH = "rigs/datasets/park_loop.yaml"
 DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
 EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
-FORMATS = ("boxes", "kitti", "nuscenes")  # of 3-D labels
 ALWAYS_WRITTEN = ("euroc", "voc", "coco", "mcap")
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
 MISSION_NAME = "trajectory.waypoints"
@@ -122,9 +122,14 @@ class DatasetPlan:
         """Forms of 3-D labels to write; empty: none."""
         return frozenset(self.config.dataset.formats)
 
+    @property
+    def joint_formats(self) -> list[str]:
+        """Names of `formats` that join a picture and a sweep: all but boxes."""
+        return sorted(self.formats - {"boxes"})
+
     @cached_property
     def lidar(self) -> str | None:
-        """Name of the first LiDAR, that of KITTI and nuScenes. None if there is none."""
+        """Name of the first LiDAR, that of `joint_formats`. None if there is none."""
         return next((name for name, sensor in self.frame_sensors.items() if sensor.kind == "lidar"), None)
 
     @cached_property
@@ -218,9 +223,9 @@ def _format_setting(formats: tuple[str, ...]) -> tuple[str, ...]:
     for name in formats:
         if name in ALWAYS_WRITTEN:
             message = f"does not name {name}: it is always written"
-            problems.append(Problem("--format", message, f"leave it out, or choose one of {', '.join(FORMATS)}"))
-        elif name not in FORMATS:
-            problems.append(Problem("--format", f"is unknown: {name!r}", nearest(name, FORMATS)))
+            problems.append(Problem("--format", message, f"leave it out, or choose one of {', '.join(LABEL_FORMATS)}"))
+        elif name not in LABEL_FORMATS:
+            problems.append(Problem("--format", f"is unknown: {name!r}", nearest(name, LABEL_FORMATS)))
     if problems:
         raise ConfigError(problems)
     return (f"dataset.formats=[{', '.join(dict.fromkeys(formats))}]",) if formats else ()
@@ -315,7 +320,7 @@ def _label_problems(plan: DatasetPlan, where: str) -> list[Problem]:
         hint = "add a LiDAR, or channels: [rgb, segmentation, instance] to a camera"
         return [Problem(place, "needs a LiDAR or a camera that shows classes and instances", hint)]
     problems = []
-    joint = " and ".join(name for name in FORMATS if name in plan.formats - {"boxes"})
+    joint = " and ".join(plan.joint_formats)
     if not joint:
         return []
     if plan.labelled is None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import ConfigArgument, DashHostOption, DashPortOption, OutOption, SceneOption, takes
+from hil.cli.options import ConfigArgument, DashHostOption, DashPortOption, OutOption, SceneOption, options_of, takes
 
 
 class ClockName(StrEnum):
@@ -61,10 +61,7 @@ def airsim(o: AirSimOptions) -> None:
     """Serve AirSim's API: scripts written for AirSim fly here unchanged."""
     from hil.apps.airsim.command import Choice, serve_airsim
 
-    choice = Choice(
-        config=o.config, settings=o.settings, clock=o.clock.value, host=o.host, port=o.port, scene=o.scene, out=o.out,
-        files=o.files, page=_page(o) if o.dash else None,
-    )  # fmt: skip
+    choice = options_of(Choice, o, clock=o.clock.value, page=_page(o) if o.dash else None)
     with exit_on_error():
         serve_airsim(choice, console)
 

@@ -9,15 +9,15 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 
-calibrate_app = typer.Typer(no_args_is_help=True, help="Fit a sensor's preset to a recording of your own sensor.")
+calibrate = typer.Typer(no_args_is_help=True, help="Fit a sensor's preset to a recording of your own sensor.")
 
 
-@calibrate_app.callback()
+@calibrate.callback()
 def _calibrate() -> None:
     """Fit a sensor's preset to a recording of your own sensor."""
 
 
-@calibrate_app.command()
+@calibrate.command()
 def radar(
     recording: Annotated[
         Path, typer.Argument(help=".npz (array adc) or .npy, with its .json beside it.", metavar="RECORDING")

@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import AddressOption, EngineOption, QuietOption, takes
+from hil.cli.options import AddressOption, EngineOption, QuietOption, options_of, takes
 
 
 class _FileOrCommand(TyperGroup):
@@ -26,7 +26,7 @@ class _FileOrCommand(TyperGroup):
 WorkersOption = Annotated[
     int | None, typer.Option(help="Flights at a time; default one per processor.", show_default=False, min=1)
 ]
-campaign_app = typer.Typer(
+campaign = typer.Typer(
     cls=_FileOrCommand, no_args_is_help=True, help="Fly a bench many times, under conditions that vary."
 )
 
@@ -48,29 +48,19 @@ class RunOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(RunOptions)
 def run(o: RunOptions) -> None:
     """Fly the campaign of a file: `hil campaign FILE`."""
     from hil.apps.campaign.command import CampaignOptions, run_campaign
 
-    options = CampaignOptions(
-        engine=o.engine,
-        address=o.address,
-        workers=o.workers,
-        out=o.out,
-        resume=o.resume,
-        stop_after=tuple(o.stop_after or ()),
-        dry_run=o.dry_run,
-        yes=o.yes,
-        quiet=o.quiet,
-    )
+    options = options_of(CampaignOptions, o, stop_after=tuple(o.stop_after or ()))
     with exit_on_error():
         status = run_campaign(o.file, options, console)
     raise typer.Exit(status)
 
 
-@campaign_app.command()
+@campaign.command()
 def compare(
     first: Annotated[Path, typer.Argument(help="Folder of a campaign.", metavar="A")],
     second: Annotated[Path, typer.Argument(help="Folder of another.", metavar="B")],
@@ -98,14 +88,14 @@ class ShrinkCommandOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(ShrinkCommandOptions)
 def shrink(o: ShrinkCommandOptions) -> None:
     """Make a failing case smaller while it fails in the same way, and print the `hil run` command that repeats it."""
     from hil.apps.campaign.find.command import ShrinkOptions, shrink_case
 
     with exit_on_error():
-        shrink_case(o.case, ShrinkOptions(o.out, o.workers, o.tolerance, o.quiet), console)
+        shrink_case(o.case, options_of(ShrinkOptions, o), console)
 
 
 @dataclass(frozen=True)
@@ -122,13 +112,12 @@ class SearchCommandOptions:
     quiet: QuietOption = False
 
 
-@campaign_app.command()
+@campaign.command()
 @takes(SearchCommandOptions)
 def search(o: SearchCommandOptions) -> None:
     """Look for failures: an optimizer proposes flights with smaller and smaller margins."""
     from hil.apps.campaign.find.command import SearchOptions, search_failures
 
-    options = SearchOptions(o.trials, o.sampler, o.batch, o.seed, o.every, o.out, o.resume, o.workers, o.quiet)
     with exit_on_error():
-        status = search_failures(o.file, options, console)
+        status = search_failures(o.file, options_of(SearchOptions, o), console)
     raise typer.Exit(status)

@@ -10,6 +10,7 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.options import AddressOption, EngineOption, QuietOption, SeedOption, SetOption, takes
+from hil.data_set_files import LABEL_FORMATS
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class DatasetOptions:
         list[str] | None,
         typer.Option(
             "--format",
-            help="3-D labels beside EuRoC, VOC and COCO: boxes, kitti or nuscenes; may be given several times.",
+            help=f"3-D labels beside EuRoC, VOC and COCO, of {', '.join(LABEL_FORMATS)}; may be given several times.",
             show_default=False,
         ),
     ] = None

@@ -9,15 +9,15 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 
-vehicle_app = typer.Typer(no_args_is_help=True, help="Tools for vehicle files.")
+vehicle = typer.Typer(no_args_is_help=True, help="Tools for vehicle files.")
 
 
-@vehicle_app.callback()
+@vehicle.callback()
 def _vehicle() -> None:
     """Tools for vehicle files."""
 
 
-@vehicle_app.command()
+@vehicle.command()
 def aero(
     vehicle: Annotated[str, typer.Argument(help="A vehicle of rigs/vehicles, or a file.", metavar="FILE")],
     airspeed: Annotated[float, typer.Option(min=1.0, max=100.0, help="Airspeed of the coefficients [m/s].")] = 15.0,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from hil.config.bench import Bench
-from hil.config.missions.item_values import LOITER_RADII, TIMES
 from hil.config.missions.mission import Mission
 from hil.config.missions.path import LegKind
+from hil.config.missions.places import LOITER_RADII, TIMES
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
 

@@ -18,8 +18,9 @@ from hil.config.checks.short_legs import short_legs
 from hil.config.checks.still_checks import still_problems
 from hil.config.checks.vtol_checks import VTOL_WORDS, vtol_mission_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
+from hil.config.missions.mission import Mission
 from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.places import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem

@@ -5,7 +5,8 @@ from __future__ import annotations
 from hil.config.bench import Bench
 from hil.config.checks.short_legs import short_legs
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.mission import PLACE_COMMANDS, Mission
+from hil.config.missions.mission import Mission
+from hil.config.missions.places import PLACE_COMMANDS
 from hil.config.missions.regimes import TO_HOVER, TO_WINGS, TRANSITION, leads_to_wings, on_wings
 from signals.errors import Problem
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from hil.config.missions.places import ACCEPTING, LOITER_RADII, LOITER_TURNS, TIMES
+
 MAX_LOITER_M = 10_000.0  # ArduPlane takes 2550 m at most
 MAX_SPEED_MPS = 340.0
 _AS_IT_IS, _AS_SET = -1.0, -2.0  # speeds of DO_CHANGE_SPEED that are words
-TIMES = {16: "waits", 19: "loiters for", 82: "waits"}  # param 1 [s]
 DELAY = 93  # waits where the vehicle is for param 1 [s]; -1: until a time of day
-LOITER_TURNS, _CHANGE_SPEED = 18, 178
-LOITER_RADII = {17: 2, 18: 2, 19: 2, 31: 1}  # index of the radius among the parameters, negative: counter-clockwise
+_CHANGE_SPEED = 178
 
 
 def wrong_values(command: int, params: Sequence[float]) -> Iterator[tuple[int, str, str]]:
@@ -20,7 +20,7 @@ def wrong_values(command: int, params: Sequence[float]) -> Iterator[tuple[int, s
         yield 0, f"{TIMES[command]} {p1:g} s", "give 0 s or more"
     if command == LOITER_TURNS and p1 < 0.0:
         yield 0, f"makes {p1:g} turns", "give 0 or more; a negative radius turns counter-clockwise"
-    if command in (16, 82) and p2 < 0.0:
+    if command in ACCEPTING and p2 < 0.0:
         yield 1, f"has the acceptance radius {p2:g} m", "give more than 0 m, or 0 for the autopilot's own"
     index = LOITER_RADII.get(command)
     if index is not None and abs(params[index]) > MAX_LOITER_M:

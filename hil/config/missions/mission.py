@@ -9,6 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil.config.missions.item_values import wrong_values
+from hil.config.missions.places import (
+    LAND_COMMANDS,
+    MAY_BE_OPEN,
+    PLACE_COMMANDS,
+    TAKEOFF_COMMANDS,
+    WAYPOINT_COMMANDS,
+)
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
@@ -27,13 +34,6 @@ POSITION_FRAMES = GLOBAL_FRAMES + RELATIVE_FRAMES + TERRAIN_FRAMES
 
 # MAV_CMD numbers.
 WAYPOINT, RETURN, LAND, TAKEOFF, JUMP, CHANGE_SPEED = 16, 20, 21, 22, 177, 178
-WAYPOINT_COMMANDS = {16: "waypoint", 17: "loiter", 18: "loiter turns", 19: "loiter time", 31: "loiter to altitude",
-                     82: "spline waypoint"}  # fmt: skip
-TAKEOFF_COMMANDS = {22: "take-off", 84: "VTOL take-off"}
-LAND_COMMANDS = {21: "landing", 85: "VTOL landing"}
-PLACE_COMMANDS = WAYPOINT_COMMANDS | TAKEOFF_COMMANDS | LAND_COMMANDS  # commands that name a place to fly to
-# Commands whose place may be open (null, or 0, 0): the place at which the vehicle then is.
-MAY_BE_OPEN = frozenset((17, 19, *TAKEOFF_COMMANDS, *LAND_COMMANDS))
 
 
 class Geopoint(NamedTuple):

@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from hil.config.missions.item_values import DELAY, LOITER_TURNS, TIMES
-from hil.config.missions.mission import (
-    GLOBAL_FRAMES,
-    JUMP,
+from hil.config.missions.item_values import DELAY
+from hil.config.missions.mission import GLOBAL_FRAMES, JUMP, RETURN, TERRAIN_FRAMES, Mission
+from hil.config.missions.places import (
+    ACCEPTING,
     LAND_COMMANDS,
+    LOITER_TURNS,
     PLACE_COMMANDS,
-    RETURN,
     TAKEOFF_COMMANDS,
-    TERRAIN_FRAMES,
+    TIMES,
     WAYPOINT_COMMANDS,
-    Mission,
 )
 from hil.config.missions.regimes import TRANSITION
 from signals.geodesy import LocalFrame
@@ -134,7 +133,7 @@ def turns_of(item: MissionItem) -> float:
 
 def named_radius_m(item: MissionItem) -> float | None:
     """Return the acceptance radius that an item names: param 2 of a plain waypoint."""
-    return item.param2 if item.command in (16, 82) and item.param2 > 0.0 else None
+    return item.param2 if item.command in ACCEPTING and item.param2 > 0.0 else None
 
 
 def _greatest_radius_m(legs: Sequence[Leg], start_W: Vec3, end_W: Vec3) -> float:

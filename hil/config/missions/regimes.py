@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hil.config.missions.mission import LAND_COMMANDS, RETURN
+from hil.config.missions.mission import RETURN
+from hil.config.missions.places import LAND_COMMANDS
 from signals.mission import MissionItem
 
 TRANSITION, TO_HOVER, TO_WINGS = 3000, 3.0, 4.0

@@ -14,8 +14,8 @@ from pydantic import Field
 from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import FUNCTION, FlightOptions
-from hil.gym.tasks.task import Ends, Rewards, Step, Task, seed_of
-from hil.gym.tasks.transition import Transition
+from hil.gym.task import Ends, Rewards, Step, Task, seed_of
+from hil.gym.transition import Transition
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError
 

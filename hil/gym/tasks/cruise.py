@@ -27,8 +27,8 @@ from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
-from hil.gym.tasks.target_task import random_vector
-from hil.gym.tasks.task import Ends, Rewards, Step, Task, seed_of
+from hil.gym.target_task import random_vector
+from hil.gym.task import Ends, Rewards, Step, Task, seed_of
 from signals._kernel import det_cos, det_sin, rotate_into_body
 from signals.errors import ConfigError
 from signals.noise import NoiseStream

@@ -25,8 +25,8 @@ from pydantic import Field, model_validator
 from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import ActionKind, FlightOptions
-from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude
-from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
+from hil.gym.target_task import TargetTask, hover_speeds, random_attitude
+from hil.gym.task import Ends, Rewards, Step, seed_of
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError
 from signals.rotation import minus, norm

@@ -17,8 +17,8 @@ from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
-from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
-from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
+from hil.gym.target_task import TargetTask, hover_speeds, random_attitude, random_vector
+from hil.gym.task import Ends, Rewards, Step, seed_of
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 

@@ -22,8 +22,8 @@ from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
-from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
-from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
+from hil.gym.target_task import TargetTask, hover_speeds, random_attitude, random_vector
+from hil.gym.task import Ends, Rewards, Step, seed_of
 from signals.samples import Vec3
 
 _Offset = Annotated[float, Field(ge=-1000.0, le=1000.0)]

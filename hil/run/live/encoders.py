@@ -8,22 +8,13 @@ instead of 15 to 40 us for a numpy record of one row.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_PREFIX, Layout
+from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_PREFIX, Layout, place_of
 from hil.run.recorder.mcap.topics import Topic, value_of
 from signals.time import NS_PER_S
 
-_CODES = {"|b1": "?", "|i1": "b", "|u1": "B", "<i2": "h", "<u2": "H", "<i4": "i", "<u4": "I"} | {
-    "<i8": "q",
-    "<u8": "Q",
-    "<f4": "f",
-    "<f8": "d",
-}
-_U32 = struct.Struct("<I")
 _CLOCK = struct.Struct("<4siI")
 
 
@@ -40,14 +31,6 @@ class _Group(NamedTuple):
     pack: Callable[..., None]
     offset: int
     values: tuple[tuple[bool, Callable[[Any], Any]], ...]
-
-
-def _place(layout: Layout, path: str) -> tuple[int, str, bool]:
-    """Return offset in the CDR bytes, struct code, and whether the field is a vector."""
-    dtype, offset = layout.dtype.fields[path][:2]  # type: ignore[index]
-    count = int(np.prod(dtype.shape)) if dtype.shape else 1
-    code = _CODES[dtype.base.str]
-    return int(offset) - MESSAGE_PREFIX.size, code if count == 1 else f"{count}{code}", bool(dtype.shape)
 
 
 def _grouped(fields: list[_Field]) -> list[_Group]:
@@ -97,11 +80,11 @@ class SampleEncoder:
             strings[path] = ""
         layout = Layout(topic.type_name, channel=0, strings=strings, lengths=lengths, values=topic.values)
         columns = {path: column for path, column in topic.columns.items() if path in (layout.dtype.names or ())}
-        fields = [_Field(*_place(layout, path), value_of(kind, column)) for path, column in columns.items()]
+        fields = [_Field(*place_of(layout, path), value_of(kind, column)) for path, column in columns.items()]
         self._template = padded(layout.records(1).tobytes()[MESSAGE_PREFIX.size :], pad_to)
         self._groups = _grouped(fields)
         self._stamp = struct.Struct("<iI").pack_into
-        self._stamp_offset = _place(layout, f"{topic.header}.stamp.sec")[0]
+        self._stamp_offset = place_of(layout, f"{topic.header}.stamp.sec")[0]
 
     def encode(self, sample: Any, stamp_ns: int) -> bytearray:
         """Return the message of a sample."""
@@ -116,47 +99,3 @@ class SampleEncoder:
                     numbers.append(value(sample))
             pack(data, offset, *numbers)
         return data
-
-
-class BlobEncoder:
-    """Encodes frames as messages that differ in a few fields and the length of `data`, like mcap's `BlobTopic`."""
-
-    def __init__(
-        self,
-        type_name: str,
-        *,
-        strings: Mapping[str, str],
-        lengths: Mapping[str, int] | None = None,
-        values: Mapping[str, Any] | None = None,
-        header: str = "header",
-        item_bytes: int = 0,
-        pad_to: int = 1,
-    ) -> None:
-        sizes = dict(lengths or {}) | ({"data": 0} if item_bytes else {})
-        layout = Layout(type_name, channel=0, strings=strings, lengths=sizes, values=values)
-        whole = layout.records(1).tobytes()[MESSAGE_PREFIX.size :]
-        length_at = _place(layout, "data$length")[0] if item_bytes else len(whole) - 4
-        self._head, self._tail = whole[: length_at + 4], whole[length_at + 4 :]
-        self._length_at = length_at if item_bytes else None
-        self._item_bytes, self._pad_to = item_bytes, pad_to
-        self._layout = layout
-        self._places: dict[str, tuple[Callable[..., None], int, bool]] = {}
-        self._stamp = struct.Struct("<iI").pack_into
-        self._stamp_offset = _place(layout, f"{header}.stamp.sec")[0]
-
-    def encode(self, sample: Any, values: Mapping[str, Any], data: bytes) -> bytes:
-        """Return one message. `values`: by path of the field, a number or a sequence of them."""
-        head = bytearray(self._head)
-        tail = self._tail
-        self._stamp(head, self._stamp_offset, *divmod(sample.t_capture_ns, NS_PER_S))
-        for path, value in values.items():
-            place = self._places.get(path)
-            if place is None:
-                offset, code, is_vector = _place(self._layout, path)
-                place = self._places[path] = (struct.Struct("<" + code).pack_into, offset, is_vector)
-            pack, offset, is_vector = place
-            pack(head, offset, *value) if is_vector else pack(head, offset, value)
-        if self._length_at is not None:
-            _U32.pack_into(head, self._length_at, len(data) // self._item_bytes)
-        size = len(head) + len(data) + len(tail)
-        return b"".join((head, data, tail, bytes(-size % self._pad_to)))

@@ -20,9 +20,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hil.config import Bench
-from hil.run.live.encoders import BlobEncoder, SampleEncoder, clock
+from hil.run.live.encoders import SampleEncoder, clock
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import TF_STATIC, FrameSeries, add_mount
+from hil.run.recorder.mcap.cdr import BlobEncoder
 from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.topics import (
     ACTUATOR_TOPICS,

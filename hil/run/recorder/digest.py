@@ -21,22 +21,11 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterable
-from typing import Protocol
 
 import numpy as np
 
+from firmware_bridge.codecs.mavlink_frame import Frame
 from signals.samples import FrameSample, TruthState, arrays_of
-
-
-class RawFrame(Protocol):
-    """Fields of a received frame that the recorder reads; `firmware_bridge.codecs.mavlink_frame.Frame` has them."""
-
-    @property
-    def msgid(self) -> int: ...
-
-    @property
-    def raw(self) -> bytes: ...
-
 
 _HEAD = struct.Struct("<cI")
 _FRAME = struct.Struct("<3q7d")
@@ -88,7 +77,7 @@ class Digest:
         """Hash the bytes sent in one tick."""
         self._pending += (_HEAD.pack(b"S", len(data)), data)
 
-    def received(self, frames: Iterable[RawFrame]) -> None:
+    def received(self, frames: Iterable[Frame]) -> None:
         """Hash the frames received in one tick."""
         parts = self._pending
         for frame in frames:

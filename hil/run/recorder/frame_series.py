@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.mcap.cdr import Layout, schema_text
+from hil.run.recorder.mcap.cdr import MESSAGE_OPCODE, MESSAGE_PREFIX, RECORD_HEAD_BYTES, BlobEncoder, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, PendingRecords, Topics
 from hil.run.recorder.mcap.topics import BODY, WORLD
 from hil.run.recorder.radar_messages import RADAR_MESSAGES, RadarMessage, elements
@@ -58,45 +58,19 @@ _POINT = np.dtype(
 
 
 class BlobTopic:
-    """One topic whose messages differ only in the length of their field `data`, if they have one."""
+    """One topic of a recording whose messages a `BlobEncoder` makes; `layout` are its arguments."""
 
-    def __init__(
-        self,
-        file: Topics,
-        topic: str,
-        type_name: str,
-        *,
-        strings: Mapping[str, str],
-        lengths: Mapping[str, int] | None = None,
-        values: Mapping[str, Any] | None = None,
-        header: str = "header",
-        item_bytes: int = 0,
-    ) -> None:
-        """`item_bytes`: size of an element of `data`, 0 without `data`. Only fields of single bytes may follow `data`.
-
-        `header`: path of the message's header.
-        """
+    def __init__(self, file: Topics, topic: str, type_name: str, **layout: Any) -> None:
         self.pending = PendingRecords(file.channel(topic, type_name, schema_text(type_name)))
-        sizes = dict(lengths or {}) | ({"data": 0} if item_bytes else {})
-        self._layout = Layout(type_name, channel=self.pending.channel, strings=strings, lengths=sizes, values=values)
-        self._header = header
-        self._item_bytes = item_bytes
-        # The data are inserted after their length. Only single bytes follow, which need no alignment.
-        self._data_offset = self._layout.offset("data$length") + 4 if item_bytes else self._layout.size
+        self._encoder = BlobEncoder(type_name, **layout)
 
     def add(self, sample: Any, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
         """Add one message. `values`: by path of the field, a number or a sequence of them."""
-        record = self._layout.records(1)
-        record["$length"] += len(data)
-        record["$sequence"], record["$log"], record["$publish"] = sample.seq, log_ns, sample.t_available_ns
-        seconds, nanoseconds = divmod(sample.t_capture_ns, NS_PER_S)
-        record[f"{self._header}.stamp.sec"], record[f"{self._header}.stamp.nanosec"] = seconds, nanoseconds
-        for path, value in values.items():
-            record[path] = value
-        if self._item_bytes:
-            record["data$length"] = len(data) // self._item_bytes
-        raw = record.tobytes()
-        self.pending.add(log_ns, raw[: self._data_offset], data, raw[self._data_offset :])
+        head, tail = self._encoder.around(sample, values, data)
+        length = MESSAGE_PREFIX.size - RECORD_HEAD_BYTES + len(head) + len(data) + len(tail)
+        times_ns = log_ns, sample.t_available_ns
+        prefix = MESSAGE_PREFIX.pack(MESSAGE_OPCODE, length, self.pending.channel, sample.seq, *times_ns)
+        self.pending.add(log_ns, prefix + head, data, tail)
 
 
 def add_mount(

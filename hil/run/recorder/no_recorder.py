@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil.run.recorder.digest import RawFrame
+from firmware_bridge.codecs.mavlink_frame import Frame
 from hil.run.recorder.recorder import Recorder
 from signals.samples import ActuatorFrame, Sample, TruthState
 
@@ -25,7 +25,7 @@ class NoRecorder(Recorder):
     def sent(self, tick: int, t_ns: int, data: bytes) -> None:
         """Discard messages to the autopilot."""
 
-    def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
+    def received(self, tick: int, t_ns: int, frames: Sequence[Frame]) -> None:
         """Discard messages from the autopilot."""
 
     def actuators(self, frame: ActuatorFrame) -> None:

@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
-from firmware_bridge.codecs.mavlink_frame import split_frames
+from firmware_bridge.codecs.mavlink_frame import Frame, split_frames
 from firmware_bridge.codecs.signing import SETUP_SIGNING
-from hil.run.recorder.digest import Digest, RawFrame
+from hil.run.recorder.digest import Digest
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics, open_unbuffered
 from hil.run.recorder.mcap.mcap_sink import McapRecording, McapSink
@@ -70,7 +70,7 @@ class WireTap(Protocol):
 
     def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None: ...
 
-    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None: ...
+    def received(self, t_ns: int, frames: Iterable[Frame]) -> None: ...
 
 
 class Album:
@@ -238,7 +238,7 @@ class Recorder:
         if self._live:
             self._pass_on()
 
-    def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
+    def received(self, tick: int, t_ns: int, frames: Sequence[Frame]) -> None:
         """Record the frames received from the autopilot in this tick."""
         del tick
         self._log.append((_RECEIVED, t_ns, frames))
@@ -271,7 +271,7 @@ class Recorder:
         self._log.clear()
         digest.update()
 
-    def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
+    def routed(self, t_ns: int, frames: Sequence[Frame]) -> None:
         """Record frames that the router passed between its clients. They are not part of the digest."""
         self._pass_on()
         for receiver in self._wire_receivers:

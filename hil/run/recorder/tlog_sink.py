@@ -13,8 +13,7 @@ from itertools import chain
 
 import numpy as np
 
-from firmware_bridge.codecs.mavlink_frame import NO_FRAME
-from hil.run.recorder.digest import RawFrame
+from firmware_bridge.codecs.mavlink_frame import NO_FRAME, Frame
 from hil.run.recorder.mcap.mcap_file import SafeFile
 
 EPOCH_US = 1_577_836_800_000_000
@@ -34,7 +33,7 @@ class TlogSink:
             if msgid != NO_FRAME:
                 self._entries.append((t_ns, raw))
 
-    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+    def received(self, t_ns: int, frames: Iterable[Frame]) -> None:
         """Log frames received from the autopilot."""
         for frame in frames:
             self._entries.append((t_ns, frame.raw))

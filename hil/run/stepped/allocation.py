@@ -22,6 +22,7 @@ from math import inf
 
 import numpy as np
 
+from signals.linear import inverse
 from sim._kernels import allocate
 from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
@@ -48,14 +49,14 @@ class Allocation:
         self.raised_n = inf  # collective thrust up to which torques may raise it
         self.lift = _dot(self.rows[THRUST], (1.0,) * len(self.columns))  # thrust along z per newton of T of all rotors
         gram = [[_dot(a, b) for b in self.rows] for a in self.rows]
-        inverse = _inverse(gram)
-        if inverse is None:
+        inverted = inverse(gram, _SINGULAR * max(abs(value) for row in gram for value in row))
+        if inverted is None:
             raise ValueError(
                 f"the vehicle {vehicle.name!r} cannot be controlled: its rotors do not produce roll, pitch and yaw "
                 "torque and thrust independently of each other; check positions, spins and moment_ratio_m"
             )
         # (rotors, 4): thrust of a rotor per roll, pitch, yaw torque and collective thrust
-        self.mix = np.array([[_dot(column, row) for row in inverse] for column in self.columns])
+        self.mix = np.array([[_dot(column, row) for row in inverted] for column in self.columns])
 
     def yaw_torque_nm(self, change_n: float) -> float:
         """Return the yaw torque of a change of thrust by at most `change_n` of every rotor."""
@@ -72,22 +73,3 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
     for x, y in zip(a, b, strict=True):
         total += x * y
     return total
-
-
-def _inverse(matrix: list[list[float]]) -> list[list[float]] | None:
-    """Return the inverse, by Gauss-Jordan elimination with pivoting; None if the matrix is singular."""
-    n = len(matrix)
-    largest = max(abs(value) for row in matrix for value in row)
-    rows = [[*row, *(1.0 if i == j else 0.0 for j in range(n))] for i, row in enumerate(matrix)]
-    for column in range(n):
-        pivot = max(range(column, n), key=lambda row: abs(rows[row][column]))
-        if not abs(rows[pivot][column]) > _SINGULAR * largest:
-            return None
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        scale = rows[column][column]
-        rows[column] = [value / scale for value in rows[column]]
-        for row in range(n):
-            factor = rows[row][column]
-            if row != column and factor != 0.0:
-                rows[row] = [value - factor * top for value, top in zip(rows[row], rows[column], strict=True)]
-    return [row[n:] for row in rows]

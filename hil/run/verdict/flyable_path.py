@@ -19,16 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config.missions.item_values import LOITER_TURNS
-from hil.config.missions.mission import LAND_COMMANDS
 from hil.config.missions.path import Leg, LegKind, turns_of
+from hil.config.missions.places import LAND_COMMANDS, LOITER_RADII, LOITER_TIME
 from signals.mission import MissionItem
 
 Float64 = NDArray[np.float64]
 Place = tuple[float, float]
 _ARC_RAD = math.radians(4.0)  # between two points of an arc: its chord is R (1 - cos 2 deg) = 0.0006 R inside it
-_LOITER_TIME = 19
-_LOITERS = (17, LOITER_TURNS, _LOITER_TIME, 31)
 _DEFAULT_LOITER_M = 80.0  # PX4's NAV_LOITER_RAD
 _LEAST_M = 1.0
 _BACK_RAD, _BACK = math.radians(120.0), 3.0  # turns back, and how many radii they may take
@@ -50,9 +47,10 @@ class Stop:
 
 def loiter_radius_m(item: MissionItem) -> float:
     """Return the signed radius of a loiter item, 0 for any other."""
-    if item.command not in _LOITERS:
+    index = LOITER_RADII.get(item.command)
+    if index is None:
         return 0.0
-    radius_m = item.param2 if item.command == 31 else item.param3
+    radius_m = (item.param1, item.param2, item.param3)[index]
     return radius_m if radius_m == radius_m and radius_m != 0.0 else _DEFAULT_LOITER_M
 
 
@@ -69,7 +67,7 @@ def stops_of(legs: Sequence[Leg], items: Sequence[MissionItem]) -> list[Stop]:
             if not stops:
                 stops.append(Stop((leg.start_W[0], leg.start_W[1])))
             item = items[leg.seq]
-            time_s = item.param1 if item.command == _LOITER_TIME and not math.isnan(item.param1) else 0.0
+            time_s = item.param1 if item.command == LOITER_TIME and not math.isnan(item.param1) else 0.0
             stops.append(Stop(place, loiter_radius_m(item), leg, abs(turns_of(item)), time_s))
         elif leg.kind is LegKind.APPROACH and items[leg.seq].command in LAND_COMMANDS:
             stops.append(Stop(place))

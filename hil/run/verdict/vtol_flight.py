@@ -33,6 +33,7 @@ from enum import Enum, auto
 from typing import Protocol
 
 from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.places import LOITER_RADII
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flight import (
@@ -59,7 +60,7 @@ _SLOW_MPS = 5.0
 _CLIMBED_M = 1.0  # below the end of a climb it is over
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
-_LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
+_WAYPOINT = 16
 
 
 class Carriage(Protocol):
@@ -127,7 +128,7 @@ class _Phase(Enum):
 def flown_items(items: Sequence[MissionItem], params: Mapping[str, float]) -> list[MissionItem]:
     """Return the items with loiters in hover as waypoints: there is no circle about them."""
     return [
-        item._replace(command=_WAYPOINT) if item.command in _LOITERS and not wings else item
+        item._replace(command=_WAYPOINT) if item.command in LOITER_RADII and not wings else item
         for item, wings in zip(items, on_wings(items, params), strict=True)
     ]
 

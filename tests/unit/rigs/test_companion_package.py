@@ -13,7 +13,7 @@ import pytest
 from tests.worlds.scripted_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
-WITH_OPENCV = {"detect", "explore", "locate"}  # folders
+WITH_OPENCV = {"detect", "explore", "locate", "contact_sheet.py"}
 WITH_SCIPY = {"locate/partition.py", "locate/tracks.py"}  # of the extra `detect`
 BACKENDS = {
     "detect/backends/onnx_runtime.py": {"onnxruntime"},

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hil.apps.airsim.settings.reader import Reader, number
+from hil.apps.airsim.settings.reader import Reader, given, number
 from signals.samples import Vec3
 from sim.frame.camera_model import MAX_PIXELS_ACROSS
 
@@ -62,7 +62,7 @@ def _of_noise(default: float, key: str) -> Any:
 class Noise:
     """Noise of one image type, with the names and units of AirSim's post-processing material."""
 
-    enabled: bool = False
+    enabled: bool = given(False, "Enabled")
     rand_contrib: float = _of_noise(0.2, "RandContrib")
     rand_speed: float = _of_noise(100_000.0, "RandSpeed")
     rand_size: float = _of_noise(500.0, "RandSize")
@@ -174,7 +174,7 @@ def _read_capture(reader: Reader) -> Capture:
 
 
 def _read_noise(reader: Reader) -> Noise:
-    noise = Noise(reader.flag("Enabled", False), **reader.numbers(Noise))
+    noise = Noise(**reader.values(Noise))
     reader.without_meaning(*_LENS_EFFECTS)
     reader.close("NoiseSettings")
     return noise

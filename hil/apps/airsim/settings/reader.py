@@ -17,8 +17,13 @@ _FAR_M = 100_000.0  # positions
 
 
 def number(default: float, low: float, high: float, *keys: str) -> Any:
-    """Declare a dataclass field that `Reader.numbers` reads: the last of the `keys` that is given counts."""
+    """Declare a dataclass field that `Reader.values` reads: the last of the `keys` that is given counts."""
     return field(default=default, metadata={"keys": keys, "limits": (low, high)})
+
+
+def given(default: Any, key: str) -> Any:
+    """Declare a dataclass field that `Reader.values` reads: text, true or false, as its default is."""
+    return field(default=default, metadata={"keys": (key,)})
 
 
 @dataclass
@@ -83,13 +88,15 @@ class Reader:
         found = self.optional(key, low, high)
         return default if found is None else found
 
-    def numbers(self, of: type) -> dict[str, float]:
-        """Return the values of the fields of a dataclass that are declared by `number`."""
+    def values(self, of: type) -> dict[str, Any]:
+        """Return the values of the fields of a dataclass that are declared by `number` or `given`."""
         values: dict[str, Any] = {}
         for declared in fields(of):
             for key in declared.metadata.get("keys", ()):
                 default = values.get(declared.name, declared.default)
-                values[declared.name] = self.number(key, default, *declared.metadata["limits"])
+                limits = declared.metadata.get("limits")
+                read = self.flag if isinstance(default, bool) else self.text
+                values[declared.name] = read(key, default) if limits is None else self.number(key, default, *limits)
         return values
 
     def whole(self, key: str, default: int, low: int, high: int) -> int:
@@ -135,17 +142,15 @@ class Reader:
 
     def vector(self, default: Vec3) -> Vec3:
         """Return X, Y and Z of this object."""
-        x, y, z = (self.optional(key, -_FAR_M, _FAR_M) for key in "XYZ")
-        return (default[0] if x is None else x, default[1] if y is None else y, default[2] if z is None else z)
+        return self._three(("X", "Y", "Z"), default, _FAR_M)
 
     def angles_deg(self, default: Vec3) -> Vec3:
         """Return Roll, Pitch and Yaw of this object."""
-        roll, pitch, yaw = (self.optional(key, -3600.0, 3600.0) for key in ("Roll", "Pitch", "Yaw"))
-        return (
-            default[0] if roll is None else roll,
-            default[1] if pitch is None else pitch,
-            default[2] if yaw is None else yaw,
-        )
+        return self._three(("Roll", "Pitch", "Yaw"), default, 3600.0)
+
+    def _three(self, keys: tuple[str, str, str], default: Vec3, most: float) -> Vec3:
+        x, y, z = (self.optional(key, -most, most) for key in keys)
+        return (default[0] if x is None else x, default[1] if y is None else y, default[2] if z is None else z)
 
     def child(self, key: str) -> Reader | None:
         """Return the reader of an object, None where the key is absent. As in AirSim, null and [] count as absent."""

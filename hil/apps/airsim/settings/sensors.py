@@ -153,13 +153,13 @@ def _read_sensor(reader: Reader, multirotor: bool, cosys: bool) -> Sensor | None
         reader.note("External", "is not supported: the sensor stays on the vehicle")
     sensor: Sensor
     if kind == 1:
-        sensor = Barometer(enabled, **reader.numbers(Barometer))
+        sensor = Barometer(enabled, **reader.values(Barometer))
     elif kind == 2:
-        sensor = Imu(enabled, reader.flag("GenerateNoise", not cosys), **reader.numbers(Imu))
+        sensor = Imu(enabled, reader.flag("GenerateNoise", not cosys), **reader.values(Imu))
     elif kind == 3:
-        sensor = Gps(enabled, **reader.numbers(Gps))
+        sensor = Gps(enabled, **reader.values(Gps))
     elif kind == 4:
-        sensor = Magnetometer(enabled, **reader.numbers(Magnetometer))
+        sensor = Magnetometer(enabled, **reader.values(Magnetometer))
     elif kind == 5:
         sensor = _read_distance(reader, enabled, multirotor)
     else:
@@ -173,7 +173,7 @@ def _position_m(reader: Reader, multirotor: bool) -> Vec3:
 
 
 def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
-    numbers = reader.numbers(Distance)
+    numbers = reader.values(Distance)
     low, high = numbers["min_m"], numbers["max_m"]
     if low >= high:
         reader.problem(None, f"has MinDistance {low:g}, which is not below MaxDistance {high:g}")
@@ -188,7 +188,7 @@ def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
 def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) -> Lidar:
     channels = reader.whole("NumberOfChannels", 16, 1, 1024)
     reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)  # checked only: a sample is a whole rotation
-    numbers = reader.numbers(Lidar)
+    numbers = reader.values(Lidar)
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
     if reader.has("MeasurementsPerCycle"):  # Cosys-AirSim: points of one channel in one rotation
         points = round(channels * numbers["rate_hz"] * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))

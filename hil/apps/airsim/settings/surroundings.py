@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from hil.apps.airsim.settings.cameras import IMAGE_TYPES, camera_name
-from hil.apps.airsim.settings.reader import Reader
+from hil.apps.airsim.settings.reader import Reader, given, number
 from signals.samples import Vec3
 
 
@@ -14,21 +14,21 @@ from signals.samples import Vec3
 class Origin:
     """Place of the scene's start on the Earth."""
 
-    latitude_deg: float = 47.641468
-    longitude_deg: float = -122.140165
-    altitude_m: float = 122.0
+    latitude_deg: float = number(47.641468, -89.9, 89.9, "Latitude")
+    longitude_deg: float = number(-122.140165, -180.0, 180.0, "Longitude")
+    altitude_m: float = number(122.0, -500.0, 9000.0, "Altitude")
 
 
 @dataclass(frozen=True)
 class TimeOfDay:
     """Sun by time and place; `start` None is the present time."""
 
-    enabled: bool = False
+    enabled: bool = given(False, "Enabled")
     start: datetime | None = None
-    daylight_saving: bool = False
-    clock_speed: float = 1.0
-    update_interval_s: float = 60.0
-    move_sun: bool = True
+    daylight_saving: bool = given(False, "StartDateTimeDst")
+    clock_speed: float = number(1.0, -1e6, 1e6, "CelestialClockSpeed")
+    update_interval_s: float = number(60.0, 1e-3, 1e6, "UpdateIntervalSecs")
+    move_sun: bool = given(True, "MoveSun")
 
 
 @dataclass(frozen=True)
@@ -44,33 +44,28 @@ class RecordedImage:
 
     camera: str = "front_center"
     image_type: int = 0
-    as_float: bool = False
-    compress: bool = True
-    vehicle: str = ""
+    as_float: bool = given(False, "PixelsAsFloat")
+    compress: bool = given(True, "Compress")
+    vehicle: str = given("", "VehicleName")
 
 
 @dataclass(frozen=True)
 class Recording:
     """Recording; `images` None is the scene of the default camera of every vehicle."""
 
-    enabled: bool = False
-    on_move: bool = False
-    interval_s: float = 0.05
-    folder: str = ""
+    enabled: bool = given(False, "Enabled")
+    on_move: bool = given(False, "RecordOnMove")
+    interval_s: float = number(0.05, 0.0, 1e6, "RecordInterval")
+    folder: str = given("", "Folder")
     images: tuple[RecordedImage, ...] | None = None
 
 
 def read_origin(root: Reader) -> Origin:
     """Return the origin."""
-    default = Origin()
     reader = root.child("OriginGeopoint")
     if reader is None:
-        return default
-    origin = Origin(
-        reader.number("Latitude", default.latitude_deg, -89.9, 89.9),
-        reader.number("Longitude", default.longitude_deg, -180.0, 180.0),
-        reader.number("Altitude", default.altitude_m, -500.0, 9000.0),
-    )
+        return Origin()
+    origin = Origin(**reader.values(Origin))
     reader.close("OriginGeopoint")
     return origin
 
@@ -87,14 +82,7 @@ def read_time_of_day(root: Reader) -> TimeOfDay:
             start = datetime.strptime(text, "%Y-%m-%d %H:%M:%S")
         except ValueError:
             reader.problem("StartDateTime", f"is not a date and time: {text[:60]!r}", "such as 2018-02-12 15:20:00")
-    time = TimeOfDay(
-        reader.flag("Enabled", False),
-        start,
-        reader.flag("StartDateTimeDst", False),
-        reader.number("CelestialClockSpeed", 1.0, -1e6, 1e6),
-        reader.number("UpdateIntervalSecs", 60.0, 1e-3, 1e6),
-        reader.flag("MoveSun", True),
-    )
+    time = TimeOfDay(start=start, **reader.values(TimeOfDay))
     reader.close("TimeOfDay")
     return time
 
@@ -129,25 +117,17 @@ def read_recording(root: Reader) -> Recording:
     images = None
     if reader.has("Cameras"):
         images = tuple(_read_recorded_image(item) for item in reader.listed("Cameras"))
-    recording = Recording(
-        reader.flag("Enabled", False),
-        reader.flag("RecordOnMove", False),
-        reader.number("RecordInterval", 0.05, 0.0, 1e6),
-        reader.text("Folder"),
-        images,
-    )
+    recording = Recording(images=images, **reader.values(Recording))
     reader.close("Recording")
     return recording
 
 
 def _read_recorded_image(reader: Reader) -> RecordedImage:
-    number = reader.whole("CameraID", 0, 0, 4)  # before AirSim 1.2
+    old_id = reader.whole("CameraID", 0, 0, 4)  # before AirSim 1.2
     image = RecordedImage(
-        camera_name(reader.text("CameraName", str(number))),
+        camera_name(reader.text("CameraName", str(old_id))),
         reader.whole("ImageType", 0, 0, IMAGE_TYPES[-1]),
-        reader.flag("PixelsAsFloat", False),
-        reader.flag("Compress", True),
-        reader.text("VehicleName"),
+        **reader.values(RecordedImage),
     )
     reader.without_meaning("Annotation")
     reader.close("Recording.Cameras")

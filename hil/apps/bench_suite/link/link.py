@@ -38,6 +38,7 @@ from signals.latency import LatencyHistogram
 from signals.samples import BaroSample, ImuSample, MagSample
 from signals.time import NS_PER_MS
 
+TITLE = "Links: lateness, message errors and flight errors against time"
 _PERIOD_NS = 4 * NS_PER_MS
 _FRAME = bytes(77)
 _WORK_NS = 100_000  # computing time of a tick before its samples are sent

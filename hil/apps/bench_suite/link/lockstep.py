@@ -25,6 +25,7 @@ from hil.run.bench_run import run_bench
 from signals.errors import HilError
 from signals.latency import LatencyHistogram
 
+TITLE = "Lockstep loop: flight error against wall time"
 _SENT_BYTES, _ANSWERED_BYTES = 77, 48  # HIL_SENSOR and HIL_ACTUATOR_CONTROLS with four motors, MAVLink 2
 _CONFIGURATIONS = {
     "pty, recorded": [],

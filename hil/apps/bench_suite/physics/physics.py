@@ -54,6 +54,7 @@ from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times
 from sim.physics.vehicle import load_vehicle
 
+TITLE = "Flight physics: error against wall time"
 Method = ThisProject | PlainMujoco
 _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"

@@ -51,6 +51,7 @@ from sim.physics import multirotor
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box
 
+TITLE = "Stability: errors of each method far beyond normal flight"
 WITHIN, OUT, DIVERGED, REFUSED = (
     "within tolerance",
     "finite, out of tolerance",

@@ -38,6 +38,7 @@ from hil.apps.bench_suite.timing import best_times, one_core
 from sim.radar.echoes import Echoes
 from sim.sensors.radar_parameters import RadarParameters
 
+TITLE = "Radar: error of a raw frame against time per frame"
 Float64 = NDArray[np.float64]
 UNIT = "relative, to the exact sum"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)

@@ -49,6 +49,7 @@ from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, w
 from sim.frame.renderer import FrameRenderer
 from sim.frame.shading import FULL, PLAIN, Shading
 
+TITLE = "Raster: time and error, compared with MuJoCo's renderer"
 Pictures = dict[str, NDArray]
 _FOV_DEG = 90.0
 _RESOLUTIONS = ((160, 120), (320, 240), (640, 480), (1280, 720))

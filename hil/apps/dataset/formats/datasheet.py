@@ -12,6 +12,7 @@ from html import escape
 from itertools import groupby
 
 from hil.apps.dataset.formats.split import GUARD, SETS, Split
+from hil.run.report.html import table
 from signals.classes import Classes
 
 PAGE_NAME = "index.html"
@@ -58,19 +59,19 @@ def datasheet_html(sheet: Datasheet) -> str:
         "<h2>Samples</h2>",
         f"<div class='pictures'>{''.join(_picture(*p) for p in sheet.pictures)}</div>",
         "<h2>How it was made</h2>",
-        _table((), list(sheet.provenance.items())),
+        table(list(sheet.provenance.items())),
         "<h2>Sensors</h2>",
-        _table(("sensor", "folder", "holds", "rate [Hz]", "samples"), sheet.sensors),
+        table(sheet.sensors, ("sensor", "folder", "holds", "rate [Hz]", "samples")),
         "<h2>Files</h2>",
-        _table((), list(sheet.formats.items())),
+        table(list(sheet.formats.items())),
         "<h2>Split</h2>",
         "<p>By segments of the trajectory, not by frame; frames between sets are left out as guards.</p>",
         _split_bar(split),
-        _table(("set", "frames", "share"), [*sets, (GUARD, str(counts[GUARD]), "in no set")]),
+        table([*sets, (GUARD, str(counts[GUARD]), "in no set")], ("set", "frames", "share")),
         "<h2>Classes</h2>",
-        _table(
-            ("id", "class", "pixels", "share", "objects: train", "validation", "test", "in no set"),
+        table(
             _class_rows(sheet.classes, sheet.class_pixels, class_objects),
+            ("id", "class", "pixels", "share", "objects: train", "validation", "test", "in no set"),
         ),
         "<h2>Known limits</h2>",
         "<ul>" + "".join(f"<li>{escape(text)}</li>" for text in sheet.limits) + "</ul>",
@@ -112,12 +113,6 @@ def _picture(title: str, kind: str, data: bytes) -> str:
     return (
         f'<figure><img alt="{title}" src="data:image/{kind};base64,{source}"><figcaption>{title}</figcaption></figure>'
     )
-
-
-def _table(head: Sequence[str], rows: Rows) -> str:
-    head_cells = "".join(f"<th>{escape(text)}</th>" for text in head)
-    body = "".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows)
-    return f"<table>{f'<tr>{head_cells}</tr>' if head_cells else ''}{body}</table>"
 
 
 _CSS = """

@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from hil.apps.dataset.formats.coco import CocoPicture
-from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
+from hil.apps.dataset.label_form import AnnotatedFrame
 from hil.apps.dataset.storage.tree import Written
 from hil.run.recorder.mcap.mcap_file import ChunkFacts
 from hil.run.runs.result_database import Database, UnusableDatabaseError
@@ -45,7 +45,7 @@ class BatchRecord:
     class_pixels: dict[int, int]
     chunk: StoredChunk
     pictures: tuple[CocoPicture, ...] = ()
-    annotated: tuple[AnnotatedFrame, ...] = ()  # frames with 3-D labels, for KITTI and nuScenes
+    annotated: tuple[AnnotatedFrame, ...] = ()  # frames with 3-D labels
     best_radar_frame: dict[str, tuple[float, int]] = field(default_factory=dict)  # by radar: rank, time of the frame
 
     def without_labels(self) -> BatchRecord:

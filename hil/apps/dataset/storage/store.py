@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.apps.dataset.formats.coco import CocoPicture
-from hil.apps.dataset.formats.nuscenes import AnnotatedFrame
+from hil.apps.dataset.label_form import AnnotatedFrame
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import Journal
 from hil.apps.dataset.storage.layout import flight_folders, flight_mounts, headers

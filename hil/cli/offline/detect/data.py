@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import QuietOption, takes
+from hil.cli.options import QuietOption, options_of, takes
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,6 @@ def data(o: DataOptions) -> None:
     from hil.apps.detect.data_sets import SCENES, DataSetSeries, make_data_sets
 
     with exit_on_error():
-        series = DataSetSeries(
-            o.sets,
-            o.frames,
-            o.first_seed,
-            scenes=o.scene or SCENES,
-            people=o.people,
-            objects=o.objects,
-            size_px=o.size,
-            quality=o.quality,
-        )
+        series = options_of(DataSetSeries, o, scenes=o.scene or SCENES, size_px=o.size)
         folders = make_data_sets(o.out, console, series, jobs=o.jobs, quiet=o.quiet)
     console.print(f"{len(folders)} data sets in {o.out}", markup=False)

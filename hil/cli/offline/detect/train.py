@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.offline.detect.options import DataSets
-from hil.cli.options import QuietOption, takes
+from hil.cli.options import QuietOption, options_of, takes
 
 
 @dataclass(frozen=True)
@@ -55,19 +55,7 @@ def train(o: TrainOptions) -> None:
     from hil.apps.detect.training.settings import Settings
 
     with exit_on_error():
-        settings = Settings(
-            epochs=o.epochs,
-            seed=o.seed,
-            batch=o.batch,
-            learning_rate=o.learning_rate,
-            threads=o.threads,
-            precision=o.precision,
-            min_objects=o.min_objects,
-            validate_every=o.validate_every,
-            start_share=o.start_share,
-            weak_epochs=o.weak_epochs,
-            input_px=o.input_px,
-        )
+        settings = options_of(Settings, o)
         data = TrainingData(o.data_sets, o.part, o.validation or (), o.test or ())
         path = train_detector(
             data,

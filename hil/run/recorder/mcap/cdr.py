@@ -16,7 +16,7 @@ Imu where the live encoder made of a `Layout` (hil/run/recorder/live) takes 0.8 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -24,11 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
+from signals.time import NS_PER_S
 
 CDR_HEADER = b"\x00\x01\x00\x00"
 MESSAGE_OPCODE = 0x05
 MESSAGE_PREFIX = struct.Struct("<BQHIQQ")  # MCAP: opcode, length, channel, sequence, log time, publish time
-_RECORD_HEAD_BYTES = 9  # opcode and length do not count in the length
+RECORD_HEAD_BYTES = 9  # opcode and length do not count in the length
 
 # ROS 2 primitive -> (numpy format, struct format, size)
 _PRIMITIVES = {
@@ -45,6 +46,10 @@ _PRIMITIVES = {
     "float32": ("<f4", "f", 4),
     "float64": ("<f8", "d", 8),
 }
+
+
+_CODES = {np.dtype(fmt).str: code for fmt, code, _ in _PRIMITIVES.values()}
+_U32 = struct.Struct("<I")
 
 
 class Field(NamedTuple):
@@ -119,16 +124,12 @@ class Layout:
         )
         template = np.zeros(1, self.dtype)
         template["$opcode"] = MESSAGE_OPCODE
-        template["$length"] = self.size - _RECORD_HEAD_BYTES
+        template["$length"] = self.size - RECORD_HEAD_BYTES
         template["$channel"] = channel
         template["$cdr"] = CDR_HEADER
         for name, value in [*self._constants, *(values or {}).items()]:
             template[name] = value
         self._template = template
-
-    def offset(self, name: str) -> int:
-        """Return the byte offset of a field in a record."""
-        return int(self.dtype.fields[name][1])  # type: ignore[index]
 
     def records(self, n: int) -> NDArray[Any]:
         """Return `n` records with the constants filled in; the caller assigns the columns."""
@@ -167,6 +168,69 @@ class Layout:
             else:
                 for i in range(1 if count is None else count):
                     self._add_fields(field.type, f"{name}." if count is None else f"{name}[{i}].")
+
+
+def place_of(layout: Layout, path: str) -> tuple[int, str, bool]:
+    """Return offset in the CDR bytes, struct code, and whether the field is a vector."""
+    dtype, offset = layout.dtype.fields[path][:2]  # type: ignore[index]
+    count = int(np.prod(dtype.shape)) if dtype.shape else 1
+    code = _CODES[dtype.base.str]
+    return int(offset) - MESSAGE_PREFIX.size, code if count == 1 else f"{count}{code}", bool(dtype.shape)
+
+
+class BlobEncoder:
+    """Encoder of the messages of one topic."""
+
+    def __init__(
+        self,
+        type_name: str,
+        *,
+        strings: Mapping[str, str],
+        lengths: Mapping[str, int] | None = None,
+        values: Mapping[str, Any] | None = None,
+        header: str = "header",
+        item_bytes: int = 0,
+        pad_to: int = 1,
+    ) -> None:
+        """`item_bytes`: size of an element of `data`, 0 without `data`. Only fields of single bytes may follow `data`.
+
+        `header`: path of the message's header. `pad_to`: `encode` fills a message up to a multiple of this.
+        """
+        sizes = dict(lengths or {}) | ({"data": 0} if item_bytes else {})
+        layout = Layout(type_name, channel=0, strings=strings, lengths=sizes, values=values)
+        whole = layout.records(1).tobytes()[MESSAGE_PREFIX.size :]
+        length_at = place_of(layout, "data$length")[0] if item_bytes else len(whole) - 4
+        self._head, self._tail = whole[: length_at + 4], whole[length_at + 4 :]
+        self._length_at = length_at if item_bytes else None
+        self._item_bytes, self._pad_to = item_bytes, pad_to
+        self._layout = layout
+        self._places: dict[str, tuple[Callable[..., None], int, bool]] = {}
+        self._stamp = struct.Struct("<iI").pack_into
+        self._stamp_offset = place_of(layout, f"{header}.stamp.sec")[0]
+
+    def around(self, sample: Any, values: Mapping[str, Any], data: bytes) -> tuple[bytearray, bytes]:
+        """Return the bytes of one message before and after its data.
+
+        `values`: by path of the field, a number or a sequence of them.
+        """
+        head = bytearray(self._head)
+        self._stamp(head, self._stamp_offset, *divmod(sample.t_capture_ns, NS_PER_S))
+        for path, value in values.items():
+            place = self._places.get(path)
+            if place is None:
+                offset, code, is_vector = place_of(self._layout, path)
+                place = self._places[path] = (struct.Struct("<" + code).pack_into, offset, is_vector)
+            pack, offset, is_vector = place
+            pack(head, offset, *value) if is_vector else pack(head, offset, value)
+        if self._length_at is not None:
+            _U32.pack_into(head, self._length_at, len(data) // self._item_bytes)
+        return head, self._tail
+
+    def encode(self, sample: Any, values: Mapping[str, Any], data: bytes) -> bytes:
+        """Return one message."""
+        head, tail = self.around(sample, values, data)
+        size = len(head) + len(data) + len(tail)
+        return b"".join((head, data, tail, bytes(-size % self._pad_to)))
 
 
 def decode(type_name: str, data: bytes) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_bridge.codecs.mavlink_frame import Frame
 from hil.run.recorder.detection_series import DetectionSeries
-from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import Layout, schema_text
@@ -263,7 +263,7 @@ class McapSink:
         for msgid, raw in pieces:
             self._sent.frames.append((t_ns, msgid, raw))
 
-    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+    def received(self, t_ns: int, frames: Iterable[Frame]) -> None:
         """Record the frames received in a tick."""
         for frame in frames:
             self._received.frames.append((t_ns, frame.msgid, frame.raw))

@@ -18,6 +18,9 @@ from hil_companion.link.protocol import Welcome
 
 INDEX_NAME, WELCOME_NAME, ARRAYS_NAME = "frames.jsonl", "welcome.json", "arrays"
 NPY_HEADER_BYTES = 128  # for an array of few dimensions
+_OF_WELCOME = ("schema", "session", "mode", "tick_ns", "rate_hz", "topics", "sensors", "waypoints_W")
+_OF_FRAME = ("frame", "tick", "t_ns", "t_sent_ns", "t_received_ns", "dropped")
+_OF_SAMPLE = ("topic", "seq", "t_capture_ns", "t_available_ns", "values")
 
 
 class Record:
@@ -51,16 +54,7 @@ class Record:
         """Make the folder. Raises CutError if it holds an earlier recording."""
         if self._index is not None:
             raise CutError(f"{self._out}: the bench began another session; each is recorded in a folder of its own")
-        description = {
-            "schema": welcome.schema,
-            "session": welcome.session,
-            "mode": welcome.mode,
-            "tick_ns": welcome.tick_ns,
-            "rate_hz": welcome.rate_hz,
-            "topics": welcome.topics,
-            "sensors": welcome.sensors,
-            "waypoints_W": welcome.waypoints_W,
-        }
+        description = {name: getattr(welcome, name) for name in _OF_WELCOME}
         try:
             (self._out / ARRAYS_NAME).mkdir(parents=True, exist_ok=True)
             self._index = (self._out / INDEX_NAME).open("x", encoding="utf-8")
@@ -101,25 +95,14 @@ def _file(frame: Frame, sample: Sample, array: str) -> str:
 
 
 def _described(frame: Frame) -> dict[str, Any]:
-    return {
-        "frame": frame.frame,
-        "tick": frame.tick,
-        "t_ns": frame.t_ns,
-        "t_sent_ns": frame.t_sent_ns,
-        "t_received_ns": frame.t_received_ns,
-        "dropped": frame.dropped,
-        "samples": [
-            {
-                "topic": s.topic,
-                "seq": s.seq,
-                "t_capture_ns": s.t_capture_ns,
-                "t_available_ns": s.t_available_ns,
-                "values": s.values,
-                "arrays": {name: f"{ARRAYS_NAME}/{_file(frame, s, name)}" for name in s.arrays},
-            }
-            for s in frame.samples.values()
-        ],
-    }
+    samples = [
+        {
+            **{name: getattr(s, name) for name in _OF_SAMPLE},
+            "arrays": {name: f"{ARRAYS_NAME}/{_file(frame, s, name)}" for name in s.arrays},
+        }
+        for s in frame.samples.values()
+    ]
+    return {**{name: getattr(frame, name) for name in _OF_FRAME}, "samples": samples}
 
 
 def _json(entries: Any) -> str:

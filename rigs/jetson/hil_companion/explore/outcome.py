@@ -29,18 +29,8 @@ class FlightReport:
 
     def as_map(self) -> dict[str, Any]:
         """Return the report as a flat map of texts and finite numbers."""
-        entries: dict[str, Any] = {
-            "phase": self.phase,
-            "outcome": self.outcome,
-            "why": self.why[:200],
-            "below": self.below,
-            "t_s": self.t_s,
-            "goal_distance_m": self.goal_distance_m,
-            "sigma_m": self.sigma_m,
-            "replans": self.replans,
-            "retreats": self.retreats,
-            "nearest_m": self.nearest_m,
-        }
+        entries: dict[str, Any] = {name: value for name, value in vars(self).items() if not isinstance(value, list)}
+        entries["why"] = self.why[:200]
         if self.outcome != FLYING:
             entries.update(_quantiles("plan_ms", self.plan_ms))
             entries.update(_quantiles("update_ms", self.update_ms))

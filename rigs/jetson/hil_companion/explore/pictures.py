@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from hil_companion.contact_sheet import sheet_of, spread, write_picture
 from hil_companion.errors import file_errors
 from hil_companion.explore.explorer import Explorer
 from hil_companion.frame import Frame
@@ -78,18 +79,13 @@ class Pictures:
         pictures = self._small_pictures
         if not pictures:
             return
-        count = min(_SHEET_PICTURES, len(pictures))
-        chosen = [pictures[round(i * (len(pictures) - 1) / max(count - 1, 1))] for i in range(count)]
-        while len(chosen) % _SHEET_COLUMNS and len(chosen) > _SHEET_COLUMNS:
-            chosen.append(np.full_like(chosen[0], 255))
-        columns = min(_SHEET_COLUMNS, len(chosen))
-        rows = [np.hstack(chosen[i : i + columns]) for i in range(0, len(chosen), columns)]
-        self._write(SHEET_NAME, np.vstack(rows))
+        chosen = [pictures[i] for i in spread(len(pictures), _SHEET_PICTURES)]
+        write_picture("explore", self._folder / SHEET_NAME, sheet_of(chosen, _SHEET_COLUMNS))
         self._small_pictures = []
 
     def _keep(self, picture: np.ndarray) -> None:
         self._count += 1
-        self._write(f"{self._count:04d}.png", picture)
+        write_picture("explore", self._folder / f"{self._count:04d}.png", picture)
         if self._film is None:
             size = (picture.shape[1], picture.shape[0])
             fourcc = cv2.VideoWriter_fourcc(*"MJPG")  # every build of OpenCV can write it
@@ -97,12 +93,6 @@ class Pictures:
         with contextlib.suppress(cv2.error):
             self._film.write(picture)
         self._small_pictures.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
-
-    def _write(self, name: str, picture: np.ndarray) -> None:
-        done, data = cv2.imencode(".png", picture)
-        with file_errors(f"explore: {self._folder / name} cannot be written"):
-            if done:
-                (self._folder / name).write_bytes(data.tobytes())
 
     def _draw(self, explorer: Explorer, frame: Frame) -> np.ndarray:
         plan_map, estimate = explorer.map, explorer.estimate

@@ -8,6 +8,7 @@ from typing import Any, Sequence
 import cv2
 import numpy as np
 
+from hil_companion.contact_sheet import sheet_of, spread, write_picture
 from hil_companion.errors import file_errors
 
 SHEET_NAME = "report.png"  # the bench shows the contact sheet on its report page
@@ -42,7 +43,8 @@ class BoxPictures:
         self._next_ns = t_ns + self._every_ns
         self._count += 1
         picture = with_boxes(rgb, found, f"{t_ns * 1e-9:.1f} s")
-        self._write(f"{self._count:04d}.jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        file = self._folder / f"{self._count:04d}.jpg"
+        write_picture("detect", file, picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         height = round(_SIDE_PX * picture.shape[0] / picture.shape[1])
         small = cv2.resize(picture, (_SIDE_PX, height), interpolation=cv2.INTER_AREA)
         self._candidates.append((len(found), self._count, small))
@@ -55,20 +57,9 @@ class BoxPictures:
             return
         best = sorted(self._candidates, key=lambda candidate: (-candidate[0], candidate[1]))[: 3 * _SHEET_PICTURES]
         best.sort(key=lambda candidate: candidate[1])
-        count = min(_SHEET_PICTURES, len(best))
-        chosen = [best[round(i * (len(best) - 1) / max(count - 1, 1))][2] for i in range(count)]
-        while len(chosen) % _SHEET_COLUMNS and len(chosen) > _SHEET_COLUMNS:
-            chosen.append(np.full_like(chosen[0], 255))
-        columns = min(_SHEET_COLUMNS, len(chosen))
-        rows = [np.hstack(chosen[i : i + columns]) for i in range(0, len(chosen), columns)]
-        self._write(SHEET_NAME, np.vstack(rows), [])
+        chosen = [best[i][2] for i in spread(len(best), _SHEET_PICTURES)]
+        write_picture("detect", self._folder / SHEET_NAME, sheet_of(chosen, _SHEET_COLUMNS))
         self._candidates = []
-
-    def _write(self, name: str, picture: np.ndarray, options: list[int]) -> None:
-        done, data = cv2.imencode(Path(name).suffix, picture, options)
-        with file_errors(f"detect: {self._folder / name} cannot be written"):
-            if done:
-                (self._folder / name).write_bytes(data.tobytes())
 
 
 def with_boxes(rgb: np.ndarray, found: Sequence[Any], words: str = "") -> np.ndarray:

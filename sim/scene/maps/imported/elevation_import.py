@@ -15,9 +15,9 @@ from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.scene import Site
 
 
-def made(path: Path, section: ElevationMap, site: Site, budget: Budget) -> ImportedMap:
+def made(paths: dict[str, Path], section: ElevationMap, site: Site, budget: Budget) -> ImportedMap:
     """Return the ground round a site. Raises ConfigError."""
-    terrain = make_terrain(read_geotiff(path, budget), site, section.radius_m)
+    terrain = make_terrain(read_geotiff(paths["elevation"], budget), site, section.radius_m)
     surface, texture, tile_m, specular = GROUNDS[section.ground]
     builder = MapBuilder("elevation", flat_meshes=True)
     builder.texture(texture, textures.png(texture))

@@ -13,10 +13,10 @@ from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.imported.osm_map import OsmOptions, map_of_osm, take_off_place
 
 
-def made(path: Path, elevation: Path | None, section: OsmMap, site: Site, budget: Budget) -> ImportedMap:
+def made(paths: dict[str, Path], section: OsmMap, site: Site, budget: Budget) -> ImportedMap:
     """Return the map of an extract, on the ground of a GeoTIFF if there is one. Raises ConfigError."""
-    heights = read_geotiff(elevation, budget) if elevation is not None else None
-    data = read_osm(path, budget)
+    heights = read_geotiff(paths["elevation"], budget) if "elevation" in paths else None
+    data = read_osm(paths["osm"], budget)
     terrain = make_terrain(heights, site, section.radius_m) if heights is not None else None
     options = OsmOptions(
         section.radius_m, section.seed, section.ground, section.max_trees, section.objects, section.classes

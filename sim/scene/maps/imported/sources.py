@@ -10,7 +10,7 @@ import hashlib
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError
@@ -26,100 +26,62 @@ _GLTF, _OSM = "sim.scene.maps.imported.gltf_import", "sim.scene.maps.imported.os
 _ELEVATION = "sim.scene.maps.imported.elevation_import"
 
 
-class ImportSource(Protocol):
-    """The files of one imported map."""
-
-    @property
-    def budget(self) -> Budget:
-        """Rest of the limits of the map, after what was made so far."""
-        ...
-
-    def key(self) -> str:
-        """Return a hash of the files. Raises ConfigError."""
-        ...
-
-    def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
-        """Return the map; `surfaces` by pattern of material names. Raises ConfigError."""
-        ...
-
-    def save(self, folder: Path) -> dict[str, Any]:
-        """Copy the files to a folder; return the keys of section `map` that name them, relative to `folder`."""
-        ...
-
-
 @dataclass(frozen=True)
 class GltfSource:
     """A glTF file."""
 
     path: Path
     section: GltfMap
-    budget: Budget
+    budget: Budget  # rest of the limits of the map, after what was made so far
     _key: list[str] = field(default_factory=list)
 
     def key(self) -> str:
+        """Return a hash of the files. Raises ConfigError."""
         if not self._key:
             self._key.append(limited(f"{_GLTF}:key", self.path, self.budget, budget=self.budget, what="reading it"))
         return self._key[0]
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
+        """Return the map; `surfaces` by pattern of material names. Raises ConfigError."""
         arguments = (self.path, self.section, surfaces, self.budget)
         return limited(f"{_GLTF}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
+        """Copy the files to a folder; return the keys of section `map` that name them, relative to `folder`."""
         arguments = (self.path, (folder / "map.glb").absolute(), self.budget)
         limited(f"{_GLTF}:pack", *arguments, budget=self.budget, what="copying it")
         return {"gltf": "map.glb"}
 
 
 @dataclass(frozen=True)
-class OsmSource:
-    """An OpenStreetMap extract, with heights if the section names them."""
+class SiteSource:
+    """An OpenStreetMap extract, a GeoTIFF of heights, or both, round a site: paths by their keys of section `map`."""
 
-    path: Path
-    elevation: Path | None
-    section: OsmMap
+    paths: dict[str, Path]
+    section: OsmMap | ElevationMap
     site: Site
     budget: Budget
 
     def key(self) -> str:
         state = hashlib.sha256(self.site.model_dump_json().encode())
-        for path in (self.path, self.elevation):
-            if path is not None:
-                state.update(_digest(path))
+        for path in self.paths.values():
+            state.update(_digest(path))
         return state.hexdigest()
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
-        arguments = (self.path, self.elevation, self.section, self.site, self.budget)
-        return limited(f"{_OSM}:made", *arguments, budget=self.budget, what="making its map")
+        module = _OSM if "osm" in self.paths else _ELEVATION
+        arguments = (self.paths, self.section, self.site, self.budget)
+        return limited(f"{module}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
-        names = {"osm": "map.osm.pbf" if self.path.suffix == ".pbf" else "map.osm"}
-        shutil.copyfile(self.path, folder / names["osm"])
-        if self.elevation is not None:
-            names["elevation"] = "elevation.tif"
-            shutil.copyfile(self.elevation, folder / names["elevation"])
+        names = {}
+        for key, path in self.paths.items():
+            names[key] = "elevation.tif" if key == "elevation" else f"map.osm{'.pbf' * (path.suffix == '.pbf')}"
+            shutil.copyfile(path, folder / names[key])
         return names
 
 
-@dataclass(frozen=True)
-class ElevationSource:
-    """A GeoTIFF of heights."""
-
-    path: Path
-    section: ElevationMap
-    site: Site
-    budget: Budget
-
-    def key(self) -> str:
-        return hashlib.sha256(self.site.model_dump_json().encode() + _digest(self.path)).hexdigest()
-
-    def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
-        arguments = (self.path, self.section, self.site, self.budget)
-        return limited(f"{_ELEVATION}:made", *arguments, budget=self.budget, what="making its map")
-
-    def save(self, folder: Path) -> dict[str, Any]:
-        shutil.copyfile(self.path, folder / "elevation.tif")
-        return {"elevation": "elevation.tif"}
+ImportSource = GltfSource | SiteSource
 
 
 def _digest(path: Path) -> bytes:
@@ -136,15 +98,10 @@ def import_source(scene: Scene) -> ImportSource | None:
     if isinstance(section, GltfMap):
         path = named_file(scene, "gltf", section.gltf)
         return GltfSource(path, section, Budget(shown_path(path)))
-    if isinstance(section, OsmMap):
-        path = named_file(scene, "osm", section.osm)
-        elevation = None
-        if section.elevation is not None:
-            elevation = named_file(scene, "elevation", section.elevation)
-        return OsmSource(path, elevation, section, scene.site, Budget(shown_path(path)))
-    if isinstance(section, ElevationMap):
-        path = named_file(scene, "elevation", section.elevation)
-        return ElevationSource(path, section, scene.site, Budget(shown_path(path)))
+    if isinstance(section, OsmMap | ElevationMap):
+        named = {key: getattr(section, key, None) for key in ("osm", "elevation")}
+        paths = {key: named_file(scene, key, name) for key, name in named.items() if name is not None}
+        return SiteSource(paths, section, scene.site, Budget(shown_path(next(iter(paths.values())))))
     return None
 
 

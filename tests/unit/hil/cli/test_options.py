@@ -5,15 +5,25 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from hil.apps.airsim.command import Choice
+from hil.apps.campaign.command import CampaignOptions
+from hil.apps.campaign.find.command import SearchOptions, ShrinkOptions
+from hil.apps.detect.data_sets import DataSetSeries
+from hil.apps.detect.training.settings import Settings
 from hil.cli.app import run_command_line
-from hil.cli.options import QuietOption, takes
+from hil.cli.commands import add_commands
+from hil.cli.live import airsim
+from hil.cli.offline import campaign
+from hil.cli.offline.detect import data, train
+from hil.cli.options import QuietOption, options_of, takes
 from tests.worlds.patience import PATIENCE_S
 
 
@@ -45,6 +55,54 @@ def test_a_dataclass_of_options_is_a_commands_signature() -> None:
     assert CliRunner().invoke(app, []).exit_code == 2
     assert CliRunner().invoke(app, ["you", "--times", "0"]).exit_code == 2
     assert "Say hello." in CliRunner().invoke(app, ["--help"]).output
+
+
+@dataclass(frozen=True)
+class Said:
+    name: str = ""
+    times: int = 1
+    loud: bool = False
+
+
+def test_an_applications_options_are_those_of_the_same_names() -> None:
+    assert options_of(Said, Greeting("you", 3)) == Said("you", 3)
+    assert options_of(Said, Greeting("you", 3), times=4, loud=True) == Said("you", 4, True)
+
+
+@pytest.mark.parametrize(
+    ("command", "application", "others"),
+    [
+        (campaign.RunOptions, CampaignOptions, ()),
+        (campaign.ShrinkCommandOptions, ShrinkOptions, ()),
+        (campaign.SearchCommandOptions, SearchOptions, ()),
+        (train.TrainOptions, Settings, ("weight_decay", "average_decay")),
+        (data.DataOptions, DataSetSeries, ("scenes", "size_px")),
+        (airsim.AirSimOptions, Choice, ("page",)),
+    ],
+)
+def test_every_option_of_an_application_is_one_of_its_command(
+    command: Any, application: Any, others: tuple[str, ...]
+) -> None:
+    assert {field.name for field in fields(application)} - {field.name for field in fields(command)} == set(others)
+
+
+def test_a_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "my_commands"
+    package.mkdir()
+    for name, text in {
+        "__init__": "",
+        "options": "x = 1\n",
+        "hop": "def hop():\n    print('hopped')\n",
+        "group": "import typer\n\ngroup = typer.Typer()\n\n\n@group.command()\ndef a():\n    print('a of group')\n\n\n"
+        "@group.command()\ndef b():\n    pass\n",
+    }.items():
+        (package / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    app = typer.Typer()
+    add_commands(app, ["my_commands"], first=("hop",))
+    assert CliRunner().invoke(app, ["hop"]).output == "hopped\n"
+    assert CliRunner().invoke(app, ["group", "a"]).output == "a of group\n"
+    assert CliRunner().invoke(app, ["options"]).exit_code == 2
 
 
 @pytest.mark.parametrize("command", ["--help", "run --help", "detect train --help"])

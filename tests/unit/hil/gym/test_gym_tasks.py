@@ -10,7 +10,7 @@ import pytest
 
 import hil.gym
 from hil.gym.batch import Batch
-from hil.gym.tasks.task import Step
+from hil.gym.task import Step
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError
 from sim.frame.source import SharedFrames

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from hil.run.live.encoders import BlobEncoder
+from firmware_bridge.codecs.mavlink_frame import Frame
 from hil.run.live.messages import CLOCK, LiveMessages, Names, live_topics
 from hil.run.part import RunContext
 from hil.run.parts.links.foxglove.server import LiveServer
 from hil.run.recorder.detection_series import DetectionSeries
-from hil.run.recorder.digest import RawFrame
+from hil.run.recorder.mcap.cdr import BlobEncoder
 from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.mcap_sink import EventSeries, MavlinkSeries
 from signals.detections import Detections
@@ -160,7 +160,7 @@ class VehicleFeed:
         if self.watched:
             self._sent += [(t_ns, msgid, raw) for msgid, raw in pieces]
 
-    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+    def received(self, t_ns: int, frames: Iterable[Frame]) -> None:
         """Keep MAVLink frames from the autopilot."""
         if self.watched:
             self._received += [(t_ns, frame.msgid, frame.raw) for frame in frames]

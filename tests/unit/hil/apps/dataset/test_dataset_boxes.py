@@ -12,6 +12,7 @@ import math
 import os
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.apps.dataset import object_files
-from hil.apps.dataset.formats import nuscenes
-from hil.apps.dataset.formats.kitti import occluded
+from hil.apps.dataset import label_form
 from hil.apps.dataset.formats.labels import Catalogue
 from hil.apps.dataset.formats.split import split_frames
+from hil.apps.dataset.label_forms import nuscenes
+from hil.apps.dataset.label_forms.kitti import occluded
 from hil.apps.dataset.make import make_dataset
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.tree import TreeWriter
+from hil.data_set_files import LABEL_FORMATS
 from signals.classes import Classes
 from signals.errors import ConfigError, RecordingError
 from tests.worlds.small_dataset import Crash, Inline, inline, tiny_plan, tree_of
@@ -339,7 +341,7 @@ def test_scenes_end_with_the_set_and_with_the_flight() -> None:
     sets = ["train"] * 6 + ["guard"] + ["test"] * 3
     times_s = [0.0, 0.1, 0.2, 9.0, 9.1, 9.2, 9.3, 9.4, 9.5, 9.6]
     at = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    frames = [nuscenes.AnnotatedFrame(i, round(t * 1e9), *at, i not in (6, 8)) for i, t in enumerate(times_s)]
+    frames = [label_form.AnnotatedFrame(i, round(t * 1e9), *at, i not in (6, 8)) for i, t in enumerate(times_s)]
     found = [
         (scene.name, [f.frame for f in scene.frames], [f.frame for f in scene.samples])
         for scene in nuscenes.scenes(frames, sets, 2_000_000_000)
@@ -434,6 +436,14 @@ def test_boxes_alone_need_neither(tmp_path: Path) -> None:
     assert rows_of(next((root / "mav0/lidar0/boxes").iterdir()))
 
 
+def test_a_form_is_one_file() -> None:
+    assert LABEL_FORMATS == ("boxes", "kitti", "nuscenes")
+    for name in LABEL_FORMATS[1:]:
+        form = import_module(f"hil.apps.dataset.label_forms.{name}").Form
+        assert issubclass(form, label_form.LabelForm)
+        assert name in form.contents.lower()
+
+
 def test_names_of_forms_are_checked(tmp_path: Path) -> None:
     def planned(*formats: str) -> DatasetPlan:
         return make_plan(None, frames=1, quality=None, seed=None, settings=(), work=lambda: tmp_path, formats=formats)
@@ -459,7 +469,7 @@ def test_a_full_disk_at_the_links_says_how_to_go_on(
 
     root = tmp_path / "set"
     with monkeypatch.context() as patch:
-        patch.setattr(object_files.os, "symlink", full)
+        patch.setattr(label_form.os, "symlink", full)
         with pytest.raises(RecordingError, match=r"image_2.*cannot be written \(No space left on device\).*--resume"):
             make_dataset(plan, root, inline())
     make_dataset(plan, root, inline(resume=True))
@@ -467,8 +477,9 @@ def test_a_full_disk_at_the_links_says_how_to_go_on(
 
 
 def test_no_sweep_with_a_picture_ends_with_a_message(plan: DatasetPlan, tmp_path: Path) -> None:
-    alone = nuscenes.AnnotatedFrame(0, 0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), False)
+    alone = label_form.AnnotatedFrame(0, 0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), False)
     catalogue = Catalogue.of(Classes(("none",), ((0, 0, 0),)), [])
-    files = object_files.object_files(plan, TreeWriter(tmp_path), split_frames(1), catalogue, lambda: [alone])
+    forms = label_form.forms_of(plan, catalogue)
+    files = label_form.finish_forms(forms, TreeWriter(tmp_path), split_frames(1), lambda: [alone])
     with pytest.raises(RecordingError, match=r"no frame has a sweep of lidar at the same time.*--frames"):
         list(files)

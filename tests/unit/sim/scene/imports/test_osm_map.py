@@ -160,7 +160,7 @@ from sim.scene.budget import Budget
 from sim.scene.maps.imported.osm_import import made
 from sim.scene.scene import load_scene
 scene = load_scene(sys.argv[1])
-made_map = made(scene.file.folder / scene.map.osm, None, scene.map, scene.site, Budget("map")).scene_map
+made_map = made({"osm": scene.file.folder / scene.map.osm}, scene.map, scene.site, Budget("map")).scene_map
 state = hashlib.sha256(made_map.mjcf.encode())
 for name in sorted(made_map.assets):
     state.update(made_map.assets[name])

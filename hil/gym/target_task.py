@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hil.gym.actions import RigDriver
 from hil.gym.flight import Flight
-from hil.gym.tasks.task import Task
+from hil.gym.task import Task
 from signals._kernel import det_cos, det_sin
 from signals.errors import ConfigError
 from signals.noise import NoiseStream

@@ -25,19 +25,22 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import Any, NamedTuple
+from itertools import chain, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.dataset.formats.boxes import SeenObject, SweptObject
 from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.formats.split import Split
+from hil.apps.dataset.label_form import AnnotatedFrame, Annotation, Frames, JointSample, LabelForm, link
+from hil.apps.dataset.storage.tree import TreeWriter, Written
+from hil.run.report.channel_images import bgr_png
 from signals.rotation import product
 from signals.samples import Quat
-from sim.frame.object_box import ObjectBox
+from signals.time import NS_PER_S
 
-ROOT = "nuscenes"
+FOLDER = "nuscenes"
 VERSION = "v1.0-hil"
 CAMERA, LIDAR = "CAM_FRONT", "LIDAR_TOP"
 MAP_NAME = "maps/empty.png"
@@ -63,52 +66,48 @@ _VISIBILITY = (("1", "v0-40", 0.0), ("2", "v40-60", 0.4), ("3", "v60-80", 0.6), 
 _MOVING_FROM_MPS = 0.2
 _ATTRIBUTES = ("pedestrian.moving", "pedestrian.standing", "vehicle.moving", "vehicle.stopped")
 _US_PER_NS = 1000
+_GAP_S = 2.0  # between flights there is a take-off; between frames of one, at most a period of the LiDAR
 _Q_TOP: Quat = (math.sqrt(0.5), 0.0, 0.0, -math.sqrt(0.5))  # axes of LIDAR_TOP to those of L
 
 
-class Annotation(NamedTuple):
-    """One object of a sample. `size_m`: length, width, height; `visibility`: 0 to 1, in the camera."""
+class Form(LabelForm):
+    contents = f"nuScenes, version {VERSION}: samples, sweeps and tables"
+    annotates = True
 
-    instance: int
-    class_id: int
-    centre_W: tuple[float, float, float]
-    size_m: tuple[float, float, float]
-    yaw_rad: float
-    speed_mps: float
-    visibility: float
-    lidar_points: int
+    def files_of(self, sample: JointSample) -> Iterator[tuple[str, bytes]]:
+        sweep = sample.sweep
+        yield f"{FOLDER}/{file_name(LIDAR, sample.t_ns)}", lidar_bytes(sweep.points_L, sweep.intensity, sweep.ring)
 
+    def finish(self, tree: TreeWriter, split: Split, frames: Frames) -> Iterator[Written]:
+        times = [frame.t_ns for frame in frames()]
+        usual_ns = min((b - a for a, b in pairwise(times)), default=0)
+        gap_ns = max(round(_GAP_S * NS_PER_S), 2 * usual_ns)
 
-class AnnotatedFrame(NamedTuple):
-    """A frame of the camera; `swept`: it is a sample, with a sweep at the same time and annotations."""
+        def each_scene() -> Iterator[Scene]:
+            return scenes(frames(), split.set_by_frame, gap_ns)
 
-    frame: int
-    t_ns: int
-    p_WB: tuple[float, float, float]
-    q_WB: tuple[float, float, float, float]
-    swept: bool
-    objects: tuple[Annotation, ...] = ()
+        for scene in each_scene():
+            for frame in scene.frames:
+                name = file_name(CAMERA, frame.t_ns, is_sample=frame.swept)
+                link(tree.root / FOLDER / name, f"../../../{self.picture_of(frame)}")
+        yield tree.write(f"{FOLDER}/{MAP_NAME}", bgr_png(np.zeros((1, 1), np.uint8)))
+        for path, texts in Tables(each_scene, self.catalogue, self._rig()).texts():
+            yield tree.write_texts(f"{FOLDER}/{path}", texts)
 
-
-def annotations_of(
-    seen: Sequence[SeenObject], swept: Sequence[SweptObject], inside: Callable[[ObjectBox], int]
-) -> tuple[Annotation, ...]:
-    """Return the annotations of a sample, by rising instance; `inside` counts the points of the sweep in a box."""
-    by_sweep = {o.instance: o for o in swept}
-    found = []
-    for o in seen:
-        other = by_sweep.pop(o.label.instance, None)
-        points = inside(o.box) if other is None else other.inside
-        found.append(_annotation(o.label.instance, o.label.class_id, o.box, o.visibility, points))
-    found += [_annotation(o.instance, o.class_id, o.box, 0.0, o.inside) for o in by_sweep.values()]
-    return tuple(sorted(found))
-
-
-def _annotation(instance: int, class_id: int, box: ObjectBox, visibility: float, points: int) -> Annotation:
-    x, y, z = box.centre_W.tolist()
-    length, width, height = box.size_m.tolist()
-    speed = float(np.sqrt(box.v_W @ box.v_W))
-    return Annotation(instance, class_id, (x, y, z), (length, width, height), box.yaw_rad, speed, visibility, points)
+    def _rig(self) -> Rig:
+        plan, model = self.plan, self.camera.model()
+        return Rig(
+            p_BC=self.of_camera.p_BC,
+            q_BC=self.of_camera.q_BC,
+            K=model.opencv_matrix,
+            width=model.width,
+            height=model.height,
+            p_BL=self.of_lidar.p_BC,
+            q_BL=self.of_lidar.q_BC,
+            vehicle=plan.vehicle or str(plan.config.vehicle),
+            location=plan.bench.scene.name,
+            description=f"{plan.bench.scene.name}, seed {plan.config.seed}, simulated",
+        )
 
 
 def lidar_bytes(points_L: NDArray[np.float32], intensity: NDArray[np.float32], ring: NDArray[Any]) -> bytes:
@@ -186,23 +185,14 @@ class Tables:
 
     def texts(self) -> Iterator[tuple[str, Iterator[str]]]:
         """Yield the path of each table in the folder of nuScenes, and its text in pieces."""
-        makers: Mapping[str, Callable[[], Iterable[Mapping[str, Any]]]] = {
-            "attribute": self._attribute,
-            "calibrated_sensor": self._calibrated_sensor,
-            "category": self._category,
-            "ego_pose": self._ego_pose,
-            "instance": self._instance,
-            "log": self._log,
-            "map": self._map,
-            "sample": self._sample,
-            "sample_annotation": self._sample_annotation,
-            "sample_data": self._sample_data,
-            "scene": self._scene,
-            "sensor": self._sensor,
-            "visibility": self._visibility,
-        }
-        for name, rows in makers.items():
-            yield f"{VERSION}/{name}.json", _array(rows())
+        # Each method makes the table of its name.
+        makers: tuple[Callable[[], Iterable[Mapping[str, Any]]], ...] = (
+            *(self._attribute, self._calibrated_sensor, self._category, self._ego_pose, self._instance, self._log),
+            *(self._map, self._sample, self._sample_annotation, self._sample_data, self._scene, self._sensor),
+            self._visibility,
+        )
+        for rows in makers:
+            yield f"{VERSION}/{rows.__name__[1:]}.json", _array(rows())
 
     def _attribute(self) -> Iterator[dict[str, Any]]:
         for name in _ATTRIBUTES:

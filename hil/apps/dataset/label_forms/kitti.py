@@ -27,23 +27,62 @@ Tr_velo_to_cam; R0_rect is the unit matrix, since the camera has no distortion, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.dataset.formats.boxes import SeenObject
+from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.formats.lidar_bin import lidar_bin
+from hil.apps.dataset.formats.split import Split
+from hil.apps.dataset.label_form import Frames, JointSample, LabelForm, link
+from hil.apps.dataset.plan import DatasetPlan
+from hil.apps.dataset.storage.tree import TreeWriter, Written
+from hil.run.sensors.simulated_sensors import transform
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.object_box import ObjectBox
 
 Float64 = NDArray[np.float64]
 
-ROOT = "kitti"
+FOLDER = "kitti"
 PARTLY, LARGELY = 0.05, 0.5  # hidden share
 # Names of the format; other classes keep their own, which readers of KITTI leave out.
 TYPES = {"person": "Pedestrian", "vehicle": "Car", "bicycle": "Cyclist"}
+
+
+class Form(LabelForm):
+    contents = "KITTI's object detection: image_2, velodyne, label_2, calib, ImageSets"
+    across = True
+
+    def __init__(self, plan: DatasetPlan, catalogue: Catalogue) -> None:
+        super().__init__(plan, catalogue)
+        T_BC, T_BL = (np.array(transform(m.p_BC, m.q_BC)).reshape(4, 4) for m in (self.of_camera, self.of_lidar))
+        self._calibration = calibration_text(self.camera.model(), T_BC, T_BL)
+
+    def files_of(self, sample: JointSample) -> Iterator[tuple[str, bytes]]:
+        name, folder = name_of(sample.frame), f"{FOLDER}/training"
+        pose = self.of_camera.pose(sample.truth)
+        yield f"{folder}/velodyne/{name}.bin", lidar_bin(sample.sweep)
+        yield f"{folder}/label_2/{name}.txt", label_text(sample.seen, pose, self.catalogue)
+        yield f"{folder}/calib/{name}.txt", self._calibration
+
+    def finish(self, tree: TreeWriter, split: Split, frames: Frames) -> Iterator[Written]:
+        folder = tree.root / FOLDER / "training"
+        numbers, times = [], ["#frame,timestamp [ns]\n"]
+        for frame in frames():
+            if frame.swept:
+                name = name_of(frame.frame)
+                numbers.append(frame.frame)
+                times.append(f"{name},{frame.t_ns}\n")
+                link(folder / "image_2" / f"{name}.png", f"../../../{self.picture_of(frame)}")
+                labels = f"{ROOT}/{self.plan.folder(self.plan.lidar or '')}/labels/{frame.t_ns}.label"
+                link(folder / "labels" / f"{name}.label", f"../../../{labels}")
+        yield tree.write(f"{FOLDER}/timestamps.csv", "".join(times).encode())
+        for file, data in image_sets(numbers, split.set_by_frame).items():
+            yield tree.write(f"{FOLDER}/ImageSets/{file}", data)
 
 
 def name_of(frame: int) -> str:
