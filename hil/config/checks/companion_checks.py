@@ -6,7 +6,7 @@ import os
 
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.config.checks.cross_checks import rate_problem
-from hil.config.companion.clients import client_name, known_clients, unknown_clients
+from hil.config.companion.clients import client_name, known_clients, missing_modules, unknown_clients
 from hil.config.companion.link_settings import link_settings
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
@@ -35,6 +35,9 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
     cuts = [started.name for started in companion.start]
     for name in unknown_clients(cuts):
         report("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
+    for module in missing_modules(cuts if companion.trace is None else ()):
+        hint = "start hil from the folder of its file, or name that in the variable PYTHONPATH"
+        report("start", f"names a client of the module {module!r}, which cannot be found", hint)
     names = [client_name(cut) for cut in cuts]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
