@@ -26,7 +26,7 @@ TERRAIN_FRAMES = (10, 11)  # altitude above terrain
 POSITION_FRAMES = GLOBAL_FRAMES + RELATIVE_FRAMES + TERRAIN_FRAMES
 
 # MAV_CMD numbers.
-WAYPOINT, RETURN, LAND, TAKEOFF, JUMP, CHANGE_SPEED = 16, 20, 21, 22, 177, 178
+WAYPOINT, RETURN, LAND, TAKEOFF, JUMP, CHANGE_SPEED, SET_HOME = 16, 20, 21, 22, 177, 178, 179
 WAYPOINT_COMMANDS = {16: "waypoint", 17: "loiter", 18: "loiter turns", 19: "loiter time", 31: "loiter to altitude",
                      82: "spline waypoint"}  # fmt: skip
 TAKEOFF_COMMANDS = {22: "take-off", 84: "VTOL take-off"}
