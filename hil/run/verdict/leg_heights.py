@@ -1,8 +1,8 @@
-"""The heights that the legs between the waypoints of a multirotor's plan ask for.
+"""The heights that the legs between the waypoints of a plan ask for.
 
 A leg is judged if it is level or slopes by less than `SLOPE`: autopilots change the height along a steeper one in their
-own ways. Its heights are those between its ends, and those of a sloping leg before it within the reach of that leg's
-end, because the count is ahead of the vehicle by so much.
+own ways. (For planes `plane_flight.py` has other numbers.) Its heights are those between its ends, and those of a
+sloping leg before it within the reach of that leg's end, because the count is ahead of the vehicle by so much.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class LegHeights:
         """`reaches_m`: distance from each leg's end [m] at which it counts as reached. `landings`: legs after one."""
         self._fly = fly
         self.settle_m = _settle_distances_m(fly, landings)
-        self._bands_m = _bands_m(fly, reaches_m)
+        self._bands_m = bands_m(fly, reaches_m, [_is_level(leg) for leg in fly])
 
     def off_m(self, target: int, p_WB: Vec3) -> float | None:
         """Return how far the vehicle is above or below a leg's heights [m]; None where it is not judged."""
@@ -61,17 +61,17 @@ def _settle_distances_m(fly: Sequence[Leg], landings: Collection[int]) -> list[f
     return distances
 
 
-def _bands_m(fly: Sequence[Leg], reaches_m: Sequence[float]) -> list[tuple[float, float]]:
-    """Return for every leg the least and the greatest height [m] at which it may be flown."""
-    bands_m: list[tuple[float, float]] = []
+def bands_m(fly: Sequence[Leg], reaches_m: Sequence[float], level: Sequence[bool]) -> list[tuple[float, float]]:
+    """Return for every leg the least and the greatest height [m] at which it may be flown. `level`: it is judged."""
+    bands: list[tuple[float, float]] = []
     for i, leg in enumerate(fly):
         heights_m = [leg.start_W[2], leg.end_W[2]]
         before = fly[i - 1] if i else leg
-        if i and before.end_W == leg.start_W and _is_level(before):
+        if i and before.end_W == leg.start_W and level[i - 1]:
             share = min(reaches_m[i - 1] / max(leg_length_m(before), LEVEL_M), 1.0)
             heights_m.append(before.end_W[2] + share * (before.start_W[2] - before.end_W[2]))
-        bands_m.append((min(heights_m), max(heights_m)))
-    return bands_m
+        bands.append((min(heights_m), max(heights_m)))
+    return bands
 
 
 def _is_level(leg: Leg) -> bool:

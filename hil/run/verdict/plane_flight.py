@@ -8,7 +8,8 @@ reached             Waypoints count in order. One is reached when the true posit
                     quarter) or its time (but 2 s) have been flown, near its circle and in its direction
 max_cross_track_m   Greatest horizontal distance from the path that a plane can fly through the waypoints
                     (`flyable_path.py`), from the first waypoint reached to the last, and on the approach
-altitude_error_m    Greatest |z - planned z| on level legs that follow a level leg
+altitude_error_m    Greatest distance of z from the heights between the ends of the leg being flown (and those of the
+                    one before, as far as the count is ahead), if both slope by less than `_SLOPE`
 airspeed_margin     Least airspeed over the stall speed at the load of the bank, V / (V_stall / sqrt(cos bank)), while
                     higher than 5 m over the start. 1 is the stall
 stalled_s           Time with an angle of attack beyond that of the stall, upright or inverted, while higher than 5 m
@@ -44,6 +45,7 @@ from hil.config.schema import PlaneLimits
 from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
 from hil.run.verdict.landings import Landings
+from hil.run.verdict.leg_heights import bands_m, leg_length_m
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
@@ -56,7 +58,7 @@ _STRIDE = 10  # ticks
 _JUDGED_M = 5.0  # height over the start from which airspeed and bank count
 _REACH_HEIGHT_M = 10.0
 _PASSED = 3.0  # times the distance
-_LEVEL_M = 0.5
+_LEVEL_M, _SLOPE = 0.5, 0.02  # between the ends of a leg that counts as level: the greater of both
 _ON_CIRCLE = 0.1
 _COMMITTED_RAD = math.radians(50.0)
 _NEAR_CIRCLE = 0.5  # of the radius
@@ -108,6 +110,9 @@ class PlaneMeasurement:
         self._stops = self._path.stops
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
         self._reach_m = radius_m + WINGS_REACH_M
+        fly = [stop.leg for stop in self._stops if stop.leg is not None]
+        self._level = [abs(leg.end_W[2] - leg.start_W[2]) < max(_LEVEL_M, _SLOPE * leg_length_m(leg)) for leg in fly]
+        self._heights_m = bands_m(fly, [max(leg.acceptance_radius_m, self._reach_m) for leg in fly], self._level)
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
         self._stall, self._wind_at = stall, wind_at
         self._take_off = TakeOffHeight(legs, reach_height_m=self._height_m)
@@ -219,11 +224,9 @@ class PlaneMeasurement:
         assert stop.leg is not None
         if self._reached:
             self._error(target, place)
-            before = self._stops[self._targets[self._reached - 1]].leg
-            assert before is not None
-            level = abs(stop.leg.end_W[2] - stop.leg.start_W[2]) < _LEVEL_M
-            if level and abs(before.end_W[2] - before.start_W[2]) < _LEVEL_M:
-                self._most("altitude_error_m", abs(p[2] - stop.leg.end_W[2]))
+            if self._level[self._reached] and self._level[self._reached - 1]:
+                low, high = self._heights_m[self._reached]
+                self._most("altitude_error_m", max(low - p[2], p[2] - high, 0.0))
         distance = math.dist(place, stop.place)
         start = stop.leg.start_W
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (

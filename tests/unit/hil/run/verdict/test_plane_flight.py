@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
+import numpy as np
 import pytest
 
 from hil.config.missions.path import Leg, LegKind
@@ -105,6 +107,31 @@ def test_what_breaks_a_limit_fails_and_is_named(fault: dict[str, float], name: s
     verdict = flown(**fault)  # type: ignore[arg-type]
     assert verdict.status == "FAIL"
     assert any(reason.startswith(name) for reason in verdict.reasons), verdict.reasons
+
+
+@pytest.mark.parametrize("off_m", [0.0, 9.0, -9.0])
+def test_gentle_slopes_have_heights_to_keep(off_m: float) -> None:
+    """Legs whose ends differ by half a metre were not judged."""
+    places = [(600.0 * i, 0.0, height) for i, height in enumerate((HEIGHT_M, HEIGHT_M + 4.0, HEIGHT_M, HEIGHT_M + 8.0))]
+    legs = [Leg(LegKind.CLIMB, 0, (-200.0, 0.0, 0.0), places[0])]
+    legs += [Leg(LegKind.FLY, i + 1, *ends) for i, ends in enumerate(itertools.pairwise(places))]
+    stops = [Stop((-200.0, 0.0)), Stop(places[0][:2]), *(Stop(leg.end_W[:2], 0.0, leg) for leg in legs[1:])]
+    limits = PlaneLimits()
+    measured = PlaneMeasurement(legs, stops, limits, radius_m=48.0, stall=Stall(8.0), wind_at=lambda: (0.0, 0.0, 0.0))
+    for tick in range(0, 10_000, 10):
+        x = 0.2 * tick - 200.0
+        up = np.interp(x, [-200.0, *(place[0] for place in places)], [0.0, *(place[2] + off_m for place in places)])
+        measured.add(
+            TruthState(
+                tick=tick, t_ns=tick * STEP_NS // 10, p_WB=(x, 0.0, float(up)), q_WB=rolled(0.0),
+                v_WB_W=(20.0, 0.0, 0.0), w_WB_B=(0.0, 0.0, 0.0), a_WB_W=(0.0, 0.0, 0.0), alpha_WB_B=(0.0, 0.0, 0.0),
+                rotor_speed_radps=(), in_contact=tick == 0,
+            )
+        )  # fmt: skip
+    verdict = judge_plane(measured, limits)
+    assert measured.counts == (3, 3)
+    assert value(verdict, "altitude_error_m") == pytest.approx(abs(off_m), abs=0.1)
+    assert verdict.status == ("FAIL" if off_m else "PASS"), verdict.reasons
 
 
 def test_a_flight_that_turns_home_early_says_how_far_it_came() -> None:
