@@ -43,11 +43,7 @@ COURSES = ("survey", "figure_eight", "circle", "square")
 # Of four sets, one has no textures and only one has shadows, because `high` takes four times as long as `medium`.
 QUALITIES = ("medium", "low", "medium", "high")
 MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
-_OF_SERIES = (
-    "randomize.people.count",
-    "randomize.objects.count",
-    "sensors.front.resolution",
-)  # else the bench file's
+_OF_SERIES = ("randomize.people.count", "randomize.objects.count", "sensors.front.resolution")  # by default the bench's
 _FLIGHT_FAILED = 3  # status of `hil dataset`
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
 

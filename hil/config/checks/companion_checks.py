@@ -35,9 +35,6 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
     cuts = [started.name for started in companion.start]
     for name in unknown_clients(cuts):
         report("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
-    for module in missing_modules(cuts if companion.trace is None else ()):
-        hint = "start hil from the folder of its file, or name that in the variable PYTHONPATH"
-        report("start", f"names a client of the module {module!r}, which cannot be found", hint)
     names = [client_name(cut) for cut in cuts]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -84,3 +81,14 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
             place = "" if problem.where == "companion" else f"{problem.where}: "
             report(key, f"cannot be used: {place}{problem.message}", problem.hint)
     return problems
+
+
+def missing_client_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report clients of the user's own that cannot be found, before a flight: who only reads its files needs none."""
+    companion = config.companion
+    names = [started.name for started in companion.start] if companion.trace is None else []
+    hint = "start hil from the folder of its file, or name that in the variable PYTHONPATH"
+    return [
+        at(settings, ("companion", "start"), f"names a client of the module {module!r}, which cannot be found", hint)
+        for module in missing_modules(names)
+    ]
