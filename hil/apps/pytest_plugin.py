@@ -82,8 +82,9 @@ class Rig:
         from hil.run.bench_run import run_bench
         from signals.errors import ConfigError
 
-        # The report costs more than a short flight; `hil run OUT/bench.yaml` makes it for a run that was kept.
-        report = () if self.report else ("record.report=false",)
+        # The report costs more than a short flight; `hil run OUT/bench.yaml` makes it for a run that was kept. The tlog
+        # shows the resets of the estimator.
+        record = ("record.tlog=true", *(() if self.report else ("record.report=false",)))
         try:
             bench = load_bench(
                 self.bench_file,
@@ -91,7 +92,7 @@ class Rig:
                 scene=scene,
                 mission=None if mission is None else str(mission),
                 seed=self.seed if self.seed is not None else seed,
-                settings=(*report, *settings, *self.settings),
+                settings=(*record, *settings, *self.settings),
             )
         except ConfigError as error:
             message = f"the bench cannot be flown:\n{error}"

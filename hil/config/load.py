@@ -29,7 +29,8 @@ def load_bench(
 
     `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation; a file of a rig
     is a bench of defaults on it. `settings` are the texts of `--set`. `flown`: of several vehicles each must have
-    somebody who flies it, and a search must have something to find. Raises ConfigError with every problem found.
+    somebody who flies it, a search must have something to find, and clients of the user's own must be there. Raises
+    ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
@@ -39,7 +40,7 @@ def load_bench(
             options, file = {"rig": str(file), **options}, None  # defaults on that rig
         loading = BenchLoading(file, options, settings)
         bench = loading.bench()
-        if flown and (problems := missing_object_problems(bench.config, bench.scene, loading.settings)):
+        if flown and (problems := _missing(bench, loading)):
             raise ConfigError(problems)
         if bench.config.vehicles:
             return with_vehicles(bench, loading, flown=flown)
@@ -56,3 +57,13 @@ def _shortened(problems: list[Problem]) -> list[Problem]:
     if excess <= 0:
         return problems
     return [*problems[:MAX_PROBLEMS], Problem("and", f"{excess} more problems")]
+
+
+def _missing(bench: Bench, loading: BenchLoading) -> list[Problem]:
+    """Report what a flight needs besides its files."""
+    problems = missing_object_problems(bench.config, bench.scene, loading.settings)
+    if not bench.config.companion.start:
+        return problems
+    from hil.config.checks.companion_checks import missing_client_problems  # loads ZeroMQ
+
+    return problems + missing_client_problems(bench.config, loading.settings)

@@ -352,7 +352,7 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
 
     def run_again(config: Path, folder: Path) -> None:
         # Companions do not run again: their recorded answers are in the trace. Nobody follows the fresh run.
-        settings = ["foxglove.port=null", *_traces(run_dir), *_without_subscribers(load_bench(config))]
+        settings = ["foxglove.port=null", *_traces(run_dir), *_without_subscribers(load_bench(config, flown=False))]
         fresh = run_bench(load_bench(config, settings=settings), folder)
         if fresh.status == "ERROR":
             errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)

@@ -106,6 +106,7 @@ class Lidar(InstalledSensor):
         self._directions_W = np.empty((count, 3))
         self._rays: _Rays | None = None
         self._before: TruthState | None = None
+        self.sweeps = self.returns = 0  # so far; returns of all sweeps
 
     def set_previous_truth(self, before: TruthState | None) -> None:
         """Set the true state at the previous sweep, for callers that do not take sweeps in order."""
@@ -138,6 +139,8 @@ class Lidar(InstalledSensor):
         )
         if dimmed is not None:
             cloud = with_true_intensity(cloud, dimmed[rays.place[self._receiver.reported]])
+        self.sweeps += 1
+        self.returns += len(cloud[0])
         p_WL, q_WL = self.mount.place(truth)
         return PointCloudSample(seq, t_ns, t_ns + self.latency_ns, p_WL, q_WL, *cloud)
 

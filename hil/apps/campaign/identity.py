@@ -1,7 +1,9 @@
 """Identity of a case: a hash of the program, the resolved bench, the files that it names, and the firmware.
 
-Two flights with the same identity have the same conditions, so one result serves both. Left out is what changes no
-flight: recordings, who follows it, pace, the number of a simulated autopilot's instance, and where files lie.
+Two flights with the same identity have the same conditions, so one result serves both. Files are the bench's own, those
+that any text of it names, such as weights in `companion.settings`, and the Python files of clients that it starts. Left
+out is what changes no flight: recordings, who follows it, pace, the number of a simulated autopilot's instance, and
+where files lie.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -18,6 +21,7 @@ import signals._kernel
 import sim._kernels
 from hil.cluster.program import source_digest
 from hil.config import Bench
+from hil.config.companion.clients import source_files
 from hil.config.saved import resolved_data
 from hil.config.scenes import save_scene
 from hil.config.schema import Foxglove, Record, Ros2
@@ -44,30 +48,40 @@ def case_id(bench: Bench) -> str:
 
 def _add(digest: hashlib.blake2b, bench: Bench) -> None:
     config = bench.config
-    autopilot = config.autopilot.model_copy(update={"instance": 0, "binary": _content(config.autopilot.binary)})
+    autopilot = config.autopilot.model_copy(update={"instance": 0})
     names = {kind: _content(str(path)) for kind, path in bench.files.items() if kind in ("vehicle", "mission")}
     if "scene" in bench.files:
         path = bench.files["scene"]
         names["scene"] = _scene_content(bench, path)
     same: dict[str, Any] = {"autopilot": autopilot, "record": Record(), "pace": None, "vehicles": {}, **names}
     same |= {"foxglove": Foxglove(), "ros2": config.ros2 if config.ros2.flies else Ros2()}
-    digest.update(json.dumps(resolved_data(config.model_copy(update=same))).encode())
+    digest.update(json.dumps(_with_contents(resolved_data(config.model_copy(update=same)))).encode())
+    for client in config.companion.start:
+        for name, path in source_files(client.name):
+            digest.update(f"\0{name}\0{_content(str(path))}".encode())
     if "plan" in bench.files:
-        digest.update((_content(str(bench.files["plan"])) or "").encode())
+        digest.update(_content(str(bench.files["plan"])).encode())
     for name, vehicle in bench.vehicles.items():
         digest.update(f"\0{name}\0".encode())
         _add(digest, vehicle)
 
 
-def _content(path: str | None) -> str | None:
+def _with_contents(data: Any) -> Any:
+    """Return settings with a hash of its content in place of every file that a text names."""
+    if isinstance(data, dict):
+        return {key: _with_contents(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_with_contents(value) for value in data]
+    return _content(data) if isinstance(data, str) else data
+
+
+def _content(path: str) -> str:
     """Return a hash of a file's content; the text itself if there is no such file."""
-    if path is None:
-        return None
     file = Path(os.path.expanduser(path))
     try:
         state = file.stat()
-        return _hash_of(file, state.st_mtime_ns, state.st_size)
-    except OSError:
+        return _hash_of(file, state.st_mtime_ns, state.st_size) if stat.S_ISREG(state.st_mode) else path
+    except (OSError, ValueError):
         return path
 
 

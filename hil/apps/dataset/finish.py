@@ -280,6 +280,29 @@ def _preview_picture(root: Path, path: str) -> tuple[str, str, bytes]:
     return f"{sensor}: {_TITLES[key]}", kind, (root / path).read_bytes()
 
 
+def silent_sensors(plan: DatasetPlan, tables: Tables, records: Sequence[BatchRecord]) -> list[str]:
+    """Describe the sensors of which the data set holds no sample, and the LiDARs without a point in any."""
+    counts = DatasetCounts.sum_of(records)
+    silent = (name for name in plan.config.sensors if not _samples_of(name, plan, counts, tables))
+    seconds = (counts.frame_t_ns[-1] - counts.frame_t_ns[0]) / NS_PER_S
+    told = [
+        f"{name} has no sample in the {seconds:.1f} s from the first frame to the last: see its rate_hz "
+        f"({plan.config.sensors[name].rate_hz:g}) and its faults, or ask for more frames"
+        for name in silent
+    ]
+    for name in (name for name, sensor in plan.frame_sensors.items() if sensor.kind == "lidar"):
+        folder = f"{ROOT}/{plan.folder(name)}/data/"
+        sizes = [file.size for record in records for file in record.files if file.path.startswith(folder)]
+        if sizes and not any(sizes):
+            why = "look where it points (mount_rpy_deg), and at its min_range_m and max_range_m"
+            told.append(f"{name} has no return in any of {len(sizes)} sweeps: {why}")
+    return told
+
+
+def _samples_of(name: str, plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> int:
+    return counts.samples.get(name, tables.rows.get(plan.folder(name), 0))
+
+
 def _sensor_rows(plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, sensor in plan.config.sensors.items():
@@ -288,7 +311,7 @@ def _sensor_rows(plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> li
         preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
         title = f"{name} ({preset.part})" if preset is not None else name
         folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, channel)}" for channel in channels or ("",)))
-        samples = counts.samples.get(name, tables.rows.get(plan.folder(name), 0))
+        samples = _samples_of(name, plan, counts, tables)
         rows.append((title, folders, ", ".join(channels or (sensor.kind,)), f"{sensor.rate_hz:g}", str(samples)))
     return rows
 

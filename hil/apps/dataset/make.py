@@ -15,7 +15,7 @@ from hil.apps.dataset.batch_maker import BatchMakerFactory
 from hil.apps.dataset.enclosed_sensors import EnclosedSensors
 from hil.apps.dataset.engines.jobs import Workers
 from hil.apps.dataset.engines.local import LocalWorkers
-from hil.apps.dataset.finish import finish
+from hil.apps.dataset.finish import finish, silent_sensors
 from hil.apps.dataset.flight import FlightData, fly_for_frames
 from hil.apps.dataset.formats.labels import Catalogue
 from hil.apps.dataset.moments import Batch
@@ -68,7 +68,7 @@ class DatasetResult:
     """Outcome of `make_dataset`. `steady_frames_per_s` is measured from the first finished batch to the last.
 
     `warnings` and `problems` tell of sensors whose samples show nothing, some or all of them; `warnings` also of
-    faults and gusts that no flight met.
+    sensors without a sample, and of faults and gusts that no flight met.
     """
 
     out: Path
@@ -172,6 +172,7 @@ class _DatasetMaker:
         labelled = sum(sum(counts.values()) for record in pipeline.records for counts in record.objects)
         objects = None if plan.labelled is None else labelled
         wall_s = time.monotonic() - self.began_s
-        warnings = [*(f"not in the data set: {one.text}" for one in flights.unmet or ()), *enclosed.warnings()]
+        warnings = [f"not in the data set: {one.text}" for one in flights.unmet or ()]
+        warnings += silent_sensors(plan, store.tables, pipeline.records) + enclosed.warnings()
         told = warnings, enclosed.problems()
         return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects, *told)

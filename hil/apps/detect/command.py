@@ -58,6 +58,20 @@ class TrainingData:
         return pictures, validation, [] if self.part == "all" and not self.test else of(self.test, "test")
 
 
+def overlap_notes(trained: Sequence[Picture], **judged: Sequence[Picture]) -> list[str]:
+    """Describe pictures that are trained on and judge the training, too, by what they judge: its figures are too good.
+
+    They are told by their files.
+    """
+    known = {p.path.resolve() for p in trained}
+    counts = {name: sum(p.path.resolve() in known for p in pictures) for name, pictures in judged.items()}
+    return [
+        f"{name}: {count} of {counted(len(judged[name]), 'picture')} are trained on, too: its figures are too good"
+        for name, count in counts.items()
+        if count
+    ]
+
+
 @dataclass(frozen=True)
 class EvaluationData:
     """Folders of data sets, and what of them counts: `part`, and objects of at least `smallest_px` visible pixels."""
@@ -101,6 +115,8 @@ def train_detector(
     from hil.apps.detect.picture_store import digest
 
     pictures, validation, test = data.read()
+    for note in overlap_notes(pictures, validation=validation, test=test):
+        console.print(f"warning: {note}", markup=False)
     classes: tuple[str, ...] = ()
     if keep_classes:
         classes = () if weights is None else read_start_weights(weights).classes

@@ -5,8 +5,9 @@ each round of the scenes. Side, height, speed, camera pitch and quality follow a
 numbers (Roberts's R_5), which fill the space evenly for any number of sets and need no random numbers. Series share no
 world if their seeds do not overlap.
 
-Each set is one call of `hil dataset` on the same bench file, so it can be made again alone. Complete sets are kept. A
-course may lead into a wall; then it is flown over what stands there.
+Each set is one call of `hil dataset` on the same bench file, so it can be made again alone. Complete sets are kept if
+they are those of the series: one of another seed would put pictures of a training into its test. A course may lead into
+a wall; then it is flown over what stands there.
 """
 
 from __future__ import annotations
@@ -16,17 +17,22 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from hil.config import load_bench
+from hil.config.saved import resolved_data
 from hil.data_set_files import MANIFEST
+from hil.run_files import BENCH_NAME
 from signals.documents.validate import nearest
-from signals.errors import ConfigError, RecordingError, file_errors
+from signals.documents.yaml_lines import read_yaml
+from signals.errors import ConfigError, Problem, RecordingError, file_errors
 from sim.frame.quality import QUALITIES as LEVELS
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import load_scene
@@ -37,6 +43,7 @@ COURSES = ("survey", "figure_eight", "circle", "square")
 # Of four sets, one has no textures and only one has shadows, because `high` takes four times as long as `medium`.
 QUALITIES = ("medium", "low", "medium", "high")
 MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
+_OF_SERIES = ("randomize.people.count", "randomize.objects.count", "sensors.front.resolution")  # by default the bench's
 _FLIGHT_FAILED = 3  # status of `hil dataset`
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
 
@@ -134,10 +141,14 @@ def make_data_sets(
     """Make those data sets of `series` that are not yet complete in `out`, and return the folders of all.
 
     `jobs` data sets are made at a time, by default one per core. Raises ConfigError for a scene that does not
-    exist, RecordingError with the data sets that could not be made, after all others have been.
+    exist, and if complete ones are of another series; RecordingError with the data sets that could not be made, after
+    all others have been.
     """
     plans = series.plans()
     settings = [[*plan.settings(), *series.settings()] for plan in plans]  # names a wrong scene before a folder is made
+    complete = [(p, texts) for p, texts in zip(plans, settings, strict=True) if _is_complete(out / p.name)]
+    if others := [problem for p, texts in complete for problem in _differences(p, out / p.name, series.frames, texts)]:
+        raise ConfigError(others)
     with file_errors(out, "cannot be made"):
         out.mkdir(parents=True, exist_ok=True)
     columns = (TextColumn("data sets"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -189,3 +200,27 @@ def _is_complete(folder: Path) -> bool:
         return bool(json.loads((folder / MANIFEST).read_text())["complete"])
     except (OSError, ValueError, KeyError, TypeError):
         return False
+
+
+def _differences(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> Iterator[Problem]:
+    """Yield the first value with which a complete data set was made, and that the series has otherwise."""
+    facts = json.loads((folder / MANIFEST).read_text()).get("made_from", {})
+    texts = (*settings, f"quality={plan.quality}")
+    wanted = resolved_data(load_bench(BENCH, seed=plan.seed, settings=texts, flown=False).config)
+    bench = read_yaml(folder / BENCH_NAME).data
+    keys = ("seed", "quality", *_OF_SERIES, *(text.partition("=")[0] for text in settings))
+    # The scene is a part of the folder's name: a data set names its own copy.
+    pairs = [(key, _at(bench, key), _at(wanted, key)) for key in keys if key != "scene"]
+    pairs.append(("frames", facts.get("frames"), frames))
+    for key, was, now in pairs:
+        if was != now:
+            hint = "name another folder with --out, or remove this one"
+            yield Problem(str(folder), f"holds a data set with another {key}: {was}, not {now}", hint)
+            return
+
+
+def _at(data: Any, key: str) -> Any:
+    """Return the value of a dotted key; None without it."""
+    for word in key.split("."):
+        data = data.get(word) if isinstance(data, dict) else None
+    return data

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.run.parts.judges.radar_echoes import clipping
+from hil.run.parts.judges.echoes import clipping
 from signals.words import counted
 
 

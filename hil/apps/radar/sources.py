@@ -187,7 +187,7 @@ def _open_pictures(
         if cameras:
             message, hint = "needs the bench.yaml of the run beside it", "give the run's folder"
         raise ConfigError.at(str(path), message, hint)
-    bench = load_bench(bench_file)
+    bench = load_bench(bench_file, flown=False)
     radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
     name, recorded = "radar", None
     if radars or sensor is not None:

@@ -6,7 +6,7 @@ import os
 
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.config.checks.cross_checks import rate_problem
-from hil.config.companion.clients import client_name, known_clients, unknown_clients
+from hil.config.companion.clients import client_name, known_clients, missing_modules, unknown_clients
 from hil.config.companion.link_settings import link_settings
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
@@ -81,3 +81,14 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
             place = "" if problem.where == "companion" else f"{problem.where}: "
             report(key, f"cannot be used: {place}{problem.message}", problem.hint)
     return problems
+
+
+def missing_client_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report clients of the user's own that cannot be found, before a flight: who only reads its files needs none."""
+    companion = config.companion
+    names = [started.name for started in companion.start] if companion.trace is None else []
+    hint = "start hil from the folder of its file, or name that in the variable PYTHONPATH"
+    return [
+        at(settings, ("companion", "start"), f"names a client of the module {module!r}, which cannot be found", hint)
+        for module in missing_modules(names)
+    ]

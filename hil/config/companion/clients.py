@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import sys
 from collections.abc import Iterable
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
 import rigs
@@ -33,3 +36,49 @@ def known_clients() -> tuple[str, ...]:
 def unknown_clients(names: Iterable[str]) -> list[str]:
     """Return the names that are neither a shipped client nor MODULE:NAME."""
     return [name for name in names if name not in known_clients() and ":" not in name]
+
+
+def missing_modules(names: Iterable[str]) -> list[str]:
+    """Return the modules of a user's own clients, named as MODULE:NAME, that cannot be found; imports none."""
+    modules = [name.rpartition(":")[0] for name in names if ":" in name]
+    return [module for module in modules if not _specs(module)]
+
+
+def source_files(name: str) -> list[tuple[str, Path]]:
+    """Return the Python files of a user's own client by their names: of its package, or beside its module."""
+    specs = _specs(name.rpartition(":")[0])
+    if not specs:
+        return []
+    folders = specs[0].submodule_search_locations
+    if folders is not None:
+        return sorted((path.relative_to(top).as_posix(), path) for top in map(Path, folders) for path in _all_in(top))
+    return sorted((path.name, path) for path in Path(str(specs[0].origin)).parent.glob("*.py"))
+
+
+def _all_in(folder: Path) -> Iterable[Path]:
+    return (path for path in folder.rglob("*.py") if path.is_file())
+
+
+def _specs(module: str) -> list[ModuleSpec]:
+    """Return what a started client would import as `a`, `a.b` ... for the module a.b...; empty if it is not found."""
+    given = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    path: list[str] | None = [os.getcwd(), str(CLIENT_PATH), *given, *sys.path]
+    specs: list[ModuleSpec] = []
+    words = module.split(".")
+    for i in range(len(words)):
+        name = ".".join(words[: i + 1])
+        spec = None if path is None else PathFinder.find_spec(name, path)
+        if spec is None and i == 0:  # a hook of an editable installation may know it
+            spec = _installed(name)
+        if spec is None:
+            return []
+        specs.append(spec)
+        path = None if spec.submodule_search_locations is None else list(spec.submodule_search_locations)
+    return specs
+
+
+def _installed(name: str) -> ModuleSpec | None:
+    try:
+        return importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None

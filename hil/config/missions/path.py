@@ -8,7 +8,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from hil.config.missions.item_values import DELAY
-from hil.config.missions.mission import GLOBAL_FRAMES, JUMP, RETURN, TERRAIN_FRAMES, Mission
+from hil.config.missions.mission import GLOBAL_FRAMES, JUMP, RETURN, SET_HOME, TERRAIN_FRAMES, Mission
 from hil.config.missions.places import (
     ACCEPTING,
     LAND_COMMANDS,
@@ -87,13 +87,15 @@ def plan_points(legs: Sequence[Leg]) -> list[PlanPoint]:
 def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.0)) -> tuple[Leg, ...]:
     """Return the legs of a mission, with jumps followed, from the start position `home_W` [m].
 
-    Heights above home count from `home_W`, heights above sea level from the scene's site, heights above terrain from
-    the ground z = 0. Splines and circles become straight lines between their points. A mission that does not end
-    within `MAX_LEGS` is cut off there and ends with a leg of kind `ENDLESS`.
+    Heights above home count from `home_W`, or from where DO_SET_HOME has put it, heights above sea level from the
+    scene's site, heights above terrain from the ground z = 0. Landings come down to the height of the start. Splines
+    and circles become straight lines between their points. A mission that does not end within `MAX_LEGS` is cut off
+    there and ends with a leg of kind `ENDLESS`.
     """
     frame = LocalFrame(scene.site)
     legs: list[Leg] = []
     here = home_W
+    ground_m = home_W[2]
     order, endless_seq = _flown_order(mission.items)
     waits = False  # at the end of the newest leg: after a transition, a VTOL is elsewhere
     for item in order:
@@ -101,12 +103,13 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
         waits = kind in PLACE_COMMANDS or (waits and kind != TRANSITION)
         if kind == RETURN:
             above = (home_W[0], home_W[1], here[2])
-            legs += [Leg(LegKind.RETURN, item.seq, here, above), Leg(LegKind.DESCENT, item.seq, above, home_W)]
-            here = home_W
+            ground = (home_W[0], home_W[1], ground_m)
+            legs += [Leg(LegKind.RETURN, item.seq, here, above), Leg(LegKind.DESCENT, item.seq, above, ground)]
+            here = ground
         elif kind in LAND_COMMANDS:
             there = _place(item, frame, scene, here, home_W)
             above = (there[0], there[1], here[2])
-            ground = (there[0], there[1], home_W[2])
+            ground = (there[0], there[1], ground_m)
             if above != here:
                 legs.append(Leg(LegKind.APPROACH, item.seq, here, above))
             legs.append(Leg(LegKind.DESCENT, item.seq, above, ground))
@@ -118,6 +121,8 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             wait_s = max(item.param1, 0.0) if kind in TIMES and item.param1 == item.param1 else 0.0
             legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, turns_of(item)))
             here = there
+        elif kind == SET_HOME:
+            home_W = here if item.param1 == 1.0 or not (item.lat_degE7 or item.lon_degE7) else _new_home(item, frame)
         elif kind == DELAY and waits and item.param1 > 0.0:
             legs[-1] = legs[-1]._replace(wait_s=legs[-1].wait_s + item.param1)
     if endless_seq is not None:
@@ -170,6 +175,11 @@ def _flown_order(items: tuple[MissionItem, ...]) -> tuple[list[MissionItem], int
             order.append(item)
         index += 1
     return order, last_jump
+
+
+def _new_home(item: MissionItem, frame: LocalFrame) -> Vec3:
+    """Return the place of a DO_SET_HOME in W [m]; its altitude is above sea level whatever its frame."""
+    return frame.enu_from_geodetic(item.lat_degE7 / 1e7, item.lon_degE7 / 1e7, item.alt_m)
 
 
 def _place(item: MissionItem, frame: LocalFrame, scene: Scene, here: Vec3, home_W: Vec3) -> Vec3:

@@ -80,7 +80,7 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
     ("judges.unflown", _may_stay),
-    ("judges.radar_echoes", lambda bench: any(s.kind == "radar" for s in bench.config.sensors.values())),
+    ("judges.echoes", lambda bench: any(s.kind in ("radar", "lidar") for s in bench.config.sensors.values())),
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),

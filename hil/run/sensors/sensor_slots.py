@@ -22,6 +22,7 @@ from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
 from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
+from sim.sensors.lidar import Lidar
 from sim.sensors.radar import Radar
 
 
@@ -45,6 +46,7 @@ class SensorSlots:
         """
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
+        self.lidars: dict[str, Lidar] = {}
         self.imus: dict[str, Imu] = {}
         self.receivers: dict[str, Gps] = {}  # that see the sky
         self.descriptions: dict[str, FrameDescription] = {}  # of sensors with a mount
@@ -62,6 +64,8 @@ class SensorSlots:
             recorder.describe_noise(name, self.deviations[name])
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
+            if isinstance(sensor, Lidar):
+                self.lidars[name] = sensor
             if isinstance(sensor, Imu):
                 self.imus[name] = sensor
             if isinstance(sensor, Gps) and sensor.receiver is not None:

@@ -19,8 +19,9 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
                    a single waypoint is measured on the leg that leads to it, from the end of the climb. A plan that
                    stays over one place has no leg: the distance from that place counts, from the end of the climb to
                    the descent.
-altitude_error_m   Greatest |z - planned z| while cross-track is measured and the leg being flown is level. After a
-                   climb or a sloping leg the first `SETTLE_M` of level flight do not count.
+altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
+                   is measured and that leg is level or slopes gently. After a climb or a steeper leg the first
+                   `SETTLE_M` of such flight do not count.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -42,7 +43,7 @@ A limit fails if its value is NaN, or if the plan calls for the measurement and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from hil.config.missions.path import ACCEPTANCE_RADIUS_M, Leg, LegKind, waypoint_legs
@@ -50,6 +51,7 @@ from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from hil.run.verdict.hold import LESS_HOLD_S, Hold
 from hil.run.verdict.landings import Landings
+from hil.run.verdict.leg_heights import LegHeights, leg_length_m
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
@@ -59,9 +61,7 @@ from signals.samples import Quat, TruthState, Vec3
 REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
-SETTLE_M = 5.0
 LESS_TURNS = 0.25  # of a circle: it may begin anywhere on it
-LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
 STILL_M = 0.05  # a plan whose legs are all shorter stays over one place
 TIPPED_DEG = 30.0
 WINDOW_LEGS = 8  # most legs on each side of the one being flown to which cross-track is measured
@@ -121,10 +121,10 @@ class FlightMeasurement:
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
         landings = Landings(legs, reach_m=landing_reach_m(limits))
         self._landings = landings if whole else Landings((), reach_m=0.0)
-        self._settle_m = _settle_distances_m(self._fly_legs, landings.due)
+        self._heights = LegHeights(self._fly_legs, self._reaches_m, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
-        stays = all(_length_m(leg) <= STILL_M for leg in legs)
+        stays = all(leg_length_m(leg) <= STILL_M for leg in legs)
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
@@ -167,10 +167,10 @@ class FlightMeasurement:
             i, count, length_m = target + step, 0, 0.0
             while 0 <= i < len(fly) and count < WINDOW_LEGS and (length_m < reach_m if step < 0 else not count):
                 leg = fly[i]
-                if _length_m(leg) > 0.0:
+                if leg_length_m(leg) > 0.0:
                     legs.append(leg)
                     count += 1
-                    length_m += _length_m(leg)
+                    length_m += leg_length_m(leg)
                     reach_m = max(reach_m, self._reaches_m[i])
                 i += step
         return tuple(legs)
@@ -225,8 +225,9 @@ class FlightMeasurement:
         if target > 0 or self._measuring:
             distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._nearby_legs[target])
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
-            if self._settled(p_WB):
-                self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
+            off_m = self._heights.off_m(target, p_WB)
+            if off_m is not None:
+                self._altitude_m = _greater(self._altitude_m, off_m)
         if self._is_reached(target, p_WB):
             self._waypoint += 1
             for i in self._staying:
@@ -270,13 +271,6 @@ class FlightMeasurement:
         dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
         radius_m = self._reaches_m[target]
         return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
-
-    def _settled(self, p_WB: Vec3) -> bool:
-        """Return True if the leg being flown is level and the vehicle has flown level for `SETTLE_M`."""
-        settle_m = self._settle_m[self._waypoint]
-        start = self._fly_legs[self._waypoint].start_W
-        dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]
-        return dx * dx + dy * dy >= settle_m * settle_m
 
     def result(self) -> Measurements:
         """Return the measurements so far; call it after the flight."""
@@ -334,7 +328,7 @@ class FlightMeasurement:
         first = 0 if len(self._fly_legs) == 1 else 1
         for i in range(first, len(self._fly_legs)):
             # The count leaves a leg when it is within reach of the end.
-            if _length_m(self._fly_legs[i]) - self._reaches_m[i] > self._settle_m[i]:
+            if leg_length_m(self._fly_legs[i]) - self._reaches_m[i] > self._heights.settle_m[i]:
                 names.add("altitude_error_m")
         return frozenset(names)
 
@@ -353,25 +347,6 @@ def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
     return math.sqrt(dx * dx + dy * dy)
 
 
-def _settle_distances_m(fly: Sequence[Leg], landings: Collection[int]) -> list[float]:
-    """Return for every leg the distance from its start [m] at which the altitude begins to count.
-
-    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg, and those to waypoints in
-    `landings`, follow a climb.
-    """
-    distances: list[float] = []
-    flown_level_m = 0.0
-    for i, leg in enumerate(fly):
-        flown_level_m = 0.0 if i in landings else flown_level_m
-        if _is_level(leg):
-            distances.append(max(0.0, SETTLE_M - flown_level_m))
-            flown_level_m += _length_m(leg)
-        else:
-            distances.append(math.inf)
-            flown_level_m = 0.0
-    return distances
-
-
 def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
     """Return for every leg to a waypoint the horizontal distance [m] from its end at which it counts as reached.
 
@@ -384,7 +359,7 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
         longer_m = max(before_m[i], after_m[i + 1] if i + 1 < len(fly) else 0.0) or math.inf
         radius_m = leg.acceptance_radius_m
         near_m = max(radius_m + min(REACH_MARGIN_M, longer_m / 8), min(radius_m + margin_m, 0.5 * longer_m))
-        found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * _length_m(leg))))
+        found_m.append(min(near_m, max(radius_m + UNJUDGED_M, 0.5 * leg_length_m(leg))))
     return found_m
 
 
@@ -399,7 +374,7 @@ def top_reach_m(climb: Leg) -> float:
 
     Some autopilots climb above the start, others on the straight line.
     """
-    return climb.acceptance_radius_m + REACH_MARGIN_M + _length_m(climb)
+    return climb.acceptance_radius_m + REACH_MARGIN_M + leg_length_m(climb)
 
 
 def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:
@@ -407,16 +382,8 @@ def _lengths_so_far_m(legs: Sequence[Leg]) -> list[float]:
     lengths_m: list[float] = []
     for leg in legs:
         so_far_m = lengths_m[-1] if lengths_m else 0.0
-        lengths_m.append(_length_m(leg) if _length_m(leg) > STILL_M else so_far_m)
+        lengths_m.append(leg_length_m(leg) if leg_length_m(leg) > STILL_M else so_far_m)
     return lengths_m
-
-
-def _is_level(leg: Leg) -> bool:
-    return abs(leg.end_W[2] - leg.start_W[2]) < LEVEL_M
-
-
-def _length_m(leg: Leg) -> float:
-    return math.hypot(leg.end_W[0] - leg.start_W[0], leg.end_W[1] - leg.start_W[1])
 
 
 def _greater(so_far: float | None, value: float) -> float:

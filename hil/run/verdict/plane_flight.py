@@ -8,7 +8,8 @@ reached             Waypoints count in order. One is reached when the true posit
                     quarter) or its time (but 2 s) have been flown, near its circle and in its direction
 max_cross_track_m   Greatest horizontal distance from the path that a plane can fly through the waypoints
                     (`flyable_path.py`), from the first waypoint reached to the last, and on the approach
-altitude_error_m    Greatest |z - planned z| on level legs that follow a level leg
+altitude_error_m    Greatest distance of z from the heights between the ends of the leg being flown (and those of the
+                    one before, as far as the count is ahead), if both slope by less than `_SLOPE`
 airspeed_margin     Least airspeed over the stall speed at the load of the bank, V / (V_stall / sqrt(cos bank)), while
                     higher than 5 m over the start. 1 is the stall
 stalled_s           Time with an angle of attack beyond that of the stall, upright or inverted, while higher than 5 m
@@ -24,8 +25,12 @@ final_error_m       Horizontal distance of that contact from the planned point; 
 takeoff_roll_m, landing_roll_m, centre_line_m, off_runway_m
                     On wheels, on a runway: `runway_rolls.py`
 
-A plane that touches the ground before its last waypoint, once higher than 5 m or launched, has not flown its plan. A
-limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
+landings            What follows a landing in the middle of the plan counts once the plane has come to rest within
+                    `touchdown_error_m` and a roll of its place, and has climbed again; meanwhile nothing is measured
+                    against the plan
+
+A plane that touches the ground elsewhere before its last waypoint, once higher than 5 m or launched, has not flown its
+plan. A limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
 
 from __future__ import annotations
@@ -39,6 +44,8 @@ from hil.config.missions.script import Outcome
 from hil.config.schema import PlaneLimits
 from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
+from hil.run.verdict.landings import Landings
+from hil.run.verdict.leg_heights import bands_m, leg_length_m
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
@@ -51,12 +58,14 @@ _STRIDE = 10  # ticks
 _JUDGED_M = 5.0  # height over the start from which airspeed and bank count
 _REACH_HEIGHT_M = 10.0
 _PASSED = 3.0  # times the distance
-_LEVEL_M = 0.5
+_LEVEL_M, _SLOPE = 0.5, 0.02  # between the ends of a leg that counts as level: the greater of both
 _ON_CIRCLE = 0.1
 _COMMITTED_RAD = math.radians(50.0)
 _NEAR_CIRCLE = 0.5  # of the radius
 _LESS_TURNS, _LESS_S = 0.25, 2.0  # of a loiter: autopilots begin to count before the circle is reached
 _LEAST_FLOW_MPS = 3.0
+_CLIMBED_M = 1.0  # below the end of a climb it is over
+_UNJUDGED_M, _ROLL_M = 100.0, 200.0  # from the place of a landing in the middle of a plan to where it ends
 _MINIMA = frozenset({"airspeed_margin"})
 
 
@@ -101,6 +110,9 @@ class PlaneMeasurement:
         self._stops = self._path.stops
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
         self._reach_m = radius_m + WINGS_REACH_M
+        fly = [stop.leg for stop in self._stops if stop.leg is not None]
+        self._level = [abs(leg.end_W[2] - leg.start_W[2]) < max(_LEVEL_M, _SLOPE * leg_length_m(leg)) for leg in fly]
+        self._heights_m = bands_m(fly, [max(leg.acceptance_radius_m, self._reach_m) for leg in fly], self._level)
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
         self._stall, self._wind_at = stall, wind_at
         self._take_off = TakeOffHeight(legs, reach_height_m=self._height_m)
@@ -109,7 +121,8 @@ class PlaneMeasurement:
         # A return lands on a line of the autopilot's own choice.
         self._approaches = self._lands and len(self._stops) > 1 and self._stops[-1].leg is None
         self._returns = self._lands and not self._approaches
-        self._lands_between = any(leg.kind is LegKind.DESCENT for leg in legs[:-1])
+        error_m, roll_m = limits.touchdown_error_m or _UNJUDGED_M, limits.landing_roll_m or _ROLL_M
+        self._landings = Landings(legs, reach_m=error_m + roll_m)
         self.endless_item = legs[-1].seq if legs and legs[-1].kind is LegKind.ENDLESS else None
         self._reached = 0
         self._values: dict[str, float] = {}
@@ -137,6 +150,9 @@ class PlaneMeasurement:
         previous, self._previous = self._previous, truth
         if self._rolls is not None:
             self._rolls.add(truth)
+        due = self._landings.due
+        if due:
+            self._landings.add(truth, self._reached)
         contact = truth.in_contact
         if contact:
             self._contact_ns = truth.t_ns
@@ -145,7 +161,8 @@ class PlaneMeasurement:
                     self._touched, self._touch = True, previous
                     self._values.pop("touchdown_sink_mps", None)
                 self._most("touchdown_sink_mps", -previous.v_WB_W[2])
-            if self._off and self._grounded is None and self._reached < len(self._targets):
+            early = self._reached < len(self._targets) and self._reached not in due
+            if self._off and self._grounded is None and early:
                 self._grounded = (truth.t_ns / NS_PER_S, self._reached + 1)
         elif self._launched:
             self._off = True
@@ -196,6 +213,8 @@ class PlaneMeasurement:
         """Count waypoints, and measure against the path."""
         place = (p[0], p[1])
         self._loiter(place, seconds)
+        if self._landings.due and self._lands_or_climbs(p[2]):
+            return
         if self._reached >= len(self._targets):
             if self._approaches and self._targets:
                 self._error(len(self._stops) - 1, place)
@@ -205,21 +224,30 @@ class PlaneMeasurement:
         assert stop.leg is not None
         if self._reached:
             self._error(target, place)
-            before = self._stops[self._targets[self._reached - 1]].leg
-            assert before is not None
-            level = abs(stop.leg.end_W[2] - stop.leg.start_W[2]) < _LEVEL_M
-            if level and abs(before.end_W[2] - before.start_W[2]) < _LEVEL_M:
-                self._most("altitude_error_m", abs(p[2] - stop.leg.end_W[2]))
+            if self._level[self._reached] and self._level[self._reached - 1]:
+                low, high = self._heights_m[self._reached]
+                self._most("altitude_error_m", max(low - p[2], p[2] - high, 0.0))
         distance = math.dist(place, stop.place)
         start = stop.leg.start_W
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
         near = self._near(stop, stop.leg, distance, along) and self._level_with(stop.leg, p[2])
-        if near and self.unflown_loiter() is None:
+        if near and not self.unflown():
             self._reached += 1
             self._circling = False
             self._flown_turns, self._flown_s, self._loitered = 0.0, 0.0, False
+
+    def _lands_or_climbs(self, up_m: float) -> bool:
+        """Return True from the waypoint before a landing in the middle of the plan until the climb after it is over."""
+        places = self._landings.due.get(self._reached)
+        if places is None:
+            return False
+        leg = self._stops[self._targets[self._reached]].leg
+        if not places and leg is not None and up_m >= leg.start_W[2] - _CLIMBED_M:
+            del self._landings.due[self._reached]
+            return False
+        return True
 
     def _level_with(self, leg: Leg, up_m: float) -> bool:
         """Return True at the height of a waypoint: a wide limit of altitude error reaches half way down, no further."""
@@ -237,11 +265,17 @@ class PlaneMeasurement:
         if error is not None:
             self._most("max_cross_track_m", error)
 
-    def unflown_loiter(self) -> str | None:
-        """Return what is missing of the loiter about the waypoint reached last; None if nothing is."""
+    def unflown(self) -> str:
+        """Return what has to be flown between the waypoint reached last and the next one, and was not; empty: nothing.
+
+        That is a loiter or a landing.
+        """
+        return self._unflown_loiter() or self._landings.missed(self._reached)
+
+    def _unflown_loiter(self) -> str:
         stop = self._stops[self._targets[self._reached - 1]] if self._reached else None
         if stop is None or not (stop.turns or stop.time_s) or self._loitered:
-            return None
+            return ""
         turned, flown_s = self._flown_turns, self._flown_s
         needed = f"{stop.turns:g} turns" if stop.turns else f"{stop.time_s:g} s"
         back = " the wrong way round" if turned < -_LESS_TURNS else ""
@@ -303,7 +337,7 @@ class PlaneMeasurement:
         """True if all waypoints were reached, and the plan's end."""
         all_reached = self._reached == len(self._targets)
         known = self._last_leg is not None and self.endless_item is None
-        whole = all_reached and not self.take_off_missed and not (self.touched_early or self.unflown_loiter())
+        whole = all_reached and not self.take_off_missed and not (self.touched_early or self.unflown())
         return known and whole and self._airborne and (self.landed or not self._lands)
 
     @property
@@ -314,7 +348,7 @@ class PlaneMeasurement:
     @property
     def touched_early(self) -> str | None:
         """Contact with the ground before the last waypoint, in words; None without one."""
-        if self._grounded is None or self._lands_between:
+        if self._grounded is None:
             return None
         t_s, waypoint = self._grounded
         return f"touched the ground at {t_s:.1f} s, on the way to waypoint {waypoint}"
@@ -395,9 +429,9 @@ def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, 
             reasons.append(f"reached {reached} of {waypoints} waypoints")
         elif measured.take_off_missed:
             reasons.append(measured.take_off_missed)
-        elif not (measured.unflown_loiter() or measured.touched_early):
+        elif not (measured.unflown() or measured.touched_early):
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
-        reasons += [text for text in (measured.unflown_loiter(), measured.touched_early) if text]
+        reasons += [text for text in (measured.unflown(), measured.touched_early) if text]
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []

@@ -57,7 +57,6 @@ _ON_WINGS = 0.1  # share of the lift in hover
 _TURNS = 0.1  # share of the pusher's full speed, or of a tilt's way ahead
 _AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
 _SLOW_MPS = 5.0
-_CLIMBED_M = 1.0  # below the end of a climb it is over
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
 _WAYPOINT = 16
@@ -185,8 +184,6 @@ class VtolMeasurement(PlaneMeasurement):
 
     def add(self, truth: TruthState) -> None:
         self._landing.add(truth)
-        if self._landings.due:
-            self._landings.add(truth, self._reached)
         super().add(truth)
 
     def _on_wings(self, truth: TruthState) -> bool:
@@ -263,29 +260,15 @@ class VtolMeasurement(PlaneMeasurement):
             leg, reach_m = self._places[before]
             if math.dist(p[:2], leg.end_W[:2]) <= reach_m and self._level_with(leg, p[2]):
                 self._holds[before].add(round(seconds * NS_PER_S))
-        if self._lands_or_climbs(p[2]):
-            self._loiter((p[0], p[1]), seconds)
-            return
         super()._follow(p, seconds)
         if self._reached != before:
             self._in_hover = self._phase is _Phase.HOVER
 
-    def _lands_or_climbs(self, up_m: float) -> bool:
-        """Return True from the waypoint before a landing in the middle of the plan until the climb after it is over."""
-        places = self._landings.due.get(self._reached)
-        if places is None:
-            return False
-        leg = self._stops[self._targets[self._reached]].leg
-        if not places and leg is not None and up_m >= leg.start_W[2] - _CLIMBED_M:
-            del self._landings.due[self._reached]
-            return False
-        return True
-
-    def unflown_loiter(self) -> str | None:
+    def unflown(self) -> str:
         hold = self._holds.get(self._reached)
         if hold is not None and hold.missed:
             return hold.text(self._reached)
-        return super().unflown_loiter() or self._landings.missed(self._reached) or None
+        return super().unflown()
 
     def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
         if leg.seq in self._wings:

@@ -35,6 +35,7 @@ class Flown(NamedTuple):
     axes: Mapping[str, Any]
     margins: Mapping[str, float]
     texts: tuple[str, ...]
+    limits: Mapping[str, float]  # by the name of what they judge
 
 
 class Change(NamedTuple):
@@ -187,11 +188,19 @@ def _add_pair(result: Comparison, a: Flown, b: Flown) -> None:
     result.not_judged += (a.status not in judged or b.status not in judged) and "PASS" not in (a.status, b.status)
     for name in a.margins.keys() & b.margins.keys():
         result.margins.setdefault(name, []).append((a.margins[name], b.margins[name]))
-    if a.texts != b.texts and len(result.differences) < _MOST_SETTINGS:
+    if a.texts != b.texts:
         ours, theirs = (dict(text.split("=", 1) for text in side.texts) for side in (a, b))
-        for key in {**ours, **theirs}:
-            if ours.get(key) != theirs.get(key):
-                result.differences.setdefault(key, (ours.get(key, "not set"), theirs.get(key, "not set")))
+        _tell(result, ours, theirs, "not set")
+    if a.limits != b.limits:  # wherever they were set: a second campaign with wider ones is no worse
+        ours, theirs = ({f"limit of {key}": f"{value:g}" for key, value in side.limits.items()} for side in (a, b))
+        _tell(result, ours, theirs, "not judged")
+
+
+def _tell(result: Comparison, ours: Mapping[str, str], theirs: Mapping[str, str], without: str) -> None:
+    """Note what differs in a pair."""
+    for key in {**ours, **theirs}:
+        if ours.get(key) != theirs.get(key) and len(result.differences) < _MOST_SETTINGS:
+            result.differences.setdefault(key, (ours.get(key, without), theirs.get(key, without)))
 
 
 def _axes_of(folder: Path) -> dict[str, set[str]]:
@@ -235,8 +244,10 @@ def _cases(folder: Path) -> Iterator[Flown]:
                 if data["status"] not in STATUSES:
                     raise ValueError(f"the status {data['status']!r} is none of {', '.join(STATUSES)}")
                 status = data["status"] if data.get("flown", True) else "ERROR"
-                limits = {row["name"]: row["margin"] for row in data["limits"] if row["margin"] is not None}
-                yield Flown(data["case"], status, data["axes"], limits, tuple(data["set"]))
+                rows = data["limits"]
+                margins = {row["name"]: row["margin"] for row in rows if row["margin"] is not None}
+                limits = {row["name"]: row["limit"] for row in rows if row.get("limit") is not None}
+                yield Flown(data["case"], status, data["axes"], margins, tuple(data["set"]), limits)
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise RecordingError(f"{path}:{number}: damaged: {error}. hil campaign FILE --resume writes it anew") from error
     if not number:

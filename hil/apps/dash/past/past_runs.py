@@ -134,7 +134,7 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     from hil.config.missions.path import planned_path
 
     try:
-        bench = load_bench(folder / BENCH_NAME)
+        bench = load_bench(folder / BENCH_NAME, flown=False)
     except HilError:
         return []
     if bench.mission is None:

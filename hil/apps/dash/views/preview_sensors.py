@@ -101,7 +101,7 @@ class PreviewSensors:
             from sim.frame.source import SharedFrames
             from sim.world_loader import load_world
 
-            self._bench = load_bench(self._bench_file)
+            self._bench = load_bench(self._bench_file, flown=False)
             self._sources[""] = SharedFrames(load_world(self._bench.scene))
         if vehicle not in self._sources:
             from sim.frame.source import SharedFrames

@@ -63,7 +63,10 @@ class PlaneFlightPart(Part):
         run.route = plan_points(run.legs)
         physics = run.physics
         self._run, self._wind_at = run, lambda: physics.wind_W_mps
-        self._measured = self._measurement(run.legs, () if mission is None else mission.items, run)
+        legs: Sequence[Leg] = run.legs
+        if self._config.flown_by_set_points:  # companions are given places alone
+            legs = [leg._replace(wait_s=0.0) for leg in legs if leg.kind is not LegKind.DESCENT or leg is legs[-1]]
+        self._measured = self._measurement(legs, () if mission is None else mission.items, run)
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics = self._facts, run.physics

@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import turn_radius_m
-from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.path import Leg
 from hil.config.missions.regimes import leads_to_wings, on_wings
 from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
@@ -29,8 +29,6 @@ class VtolFlightPart(PlaneFlightPart):
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics, params = self._facts, run.physics, self._config.autopilot.all_params
         vehicle = run.bench.vehicle
-        if self._config.flown_by_set_points:  # companions are given places alone
-            legs = [leg._replace(wait_s=0.0) for leg in legs if leg.kind is not LegKind.DESCENT or leg is legs[-1]]
 
         def wind_at() -> Vec3:
             return physics.wind_W_mps

@@ -400,6 +400,16 @@ def bench_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
 
 
+def test_the_log_that_shows_resets_is_recorded_whatever_the_bench_says(project: pytest.Pytester) -> None:
+    project.makefile(".yaml", hil=SHORT.replace("mcap: false", "mcap: false, tlog: false"))
+    test = """
+    def test_ground(rig, mission):
+        run = rig.fly(mission("square.waypoints"))
+        assert run.status == "FAIL" and (run.out / "flight.tlog").is_file()
+    """
+    fly(project, dedent(test)).assert_outcomes(passed=1)
+
+
 def test_a_reset_of_the_estimator_in_the_air_is_seen(tmp_path: Path) -> None:
     heartbeat, odometry = message_class("HEARTBEAT"), message_class("ODOMETRY")
     statustext = message_class("STATUSTEXT")

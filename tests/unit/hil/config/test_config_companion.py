@@ -57,7 +57,7 @@ search:
         ("person", "start: [detect]", None),
         ("vehicle", "settings: {objects: [person, vehicle]}, start: [detect]", None),
         ("vehicle", "settings: {objects: null}, start: [detect]", None),
-        ("tree", "start: [detect, my.own:client]", None),
+        ("tree", "start: [detect, json.decoder:client]", None),
         ("tree", "start: [detect], clients: 2", None),
         ("tree", "clients: 1", None),
         ("tree", "settings: {model: mine.onnx}, start: [detect]", None),
@@ -110,7 +110,9 @@ def test_a_value_out_of_range_is_named_with_its_line(line: str, words: str) -> N
     [
         (["time: realtime", "clients: 1"], "", 2, "the run is not paced to real time .*pace=1"),
         (["start: [waypoint]"], "", 2, "does not exist: 'waypoint'.*waypoints"),
-        (["start: [echo, 'm:echo']"], "", 2, "names echo twice"),
+        (["start: [echo, 'json:echo']"], "", 2, "names echo twice"),
+        (["start: ['pilot:fly']"], "", 2, "the module 'pilot', which cannot be found.*PYTHONPATH"),
+        (["start: ['json.pilot:fly']"], "", 2, "the module 'json.pilot', which cannot be found"),
         (["clients: 1", "rate_hz: 251"], "", 3, "at most the tick's rate, 250 Hz, not 251 Hz"),
         (["clients: 1", "rate_hz: 10.0001"], "", 3, "whole number of millihertz"),
         (
@@ -161,7 +163,7 @@ def test_keys_are_checked_before_the_run() -> None:
 def test_all_problems_come_at_once_and_a_valid_section_passes() -> None:
     found = problems("start: [nobody]", "rate_hz: 300", "time: realtime", "setpoint_hz: 200", more="tick_hz: 100\n")
     assert {p.split(":")[1] for p in found} >= {"2", "3", "4", "5"}
-    companion = load("start: [waypoints, 'my.module:Cut']", "control: true", "rate_hz: 25").config.companion
+    companion = load("start: [waypoints, 'json.decoder:Cut']", "control: true", "rate_hz: 25").config.companion
     assert (companion.on, companion.expected, companion.port) == (True, 2, 5570)
     assert not load("rate_hz: 300").config.companion.on  # without clients the section is not used
 

@@ -67,6 +67,18 @@ def test_axes_without_a_common_value_are_left_out_and_named(tmp_path: Path) -> N
     assert found.differences == {"binary": ('"a.elf"', '"b.elf"'), "rig": ('"mock"', '"px4"')}
 
 
+def test_other_limits_are_told(tmp_path: Path) -> None:
+    """A second campaign with wider limits in its bench file was no worse, without a word."""
+    folders = [campaign(tmp_path / name, seeds("P")) for name in ("a", "b")]
+    for folder, limits in zip(folders, ((1.0, None), (5.0, 30.0)), strict=True):
+        row = json.loads((folder / "results.jsonl").read_text())
+        for entry, limit in zip(row["limits"], limits, strict=True):
+            entry["limit"] = limit
+        (folder / "results.jsonl").write_text(json.dumps(row) + "\n")
+    told = {"limit of max_cross_track_m": ("1", "5"), "limit of landed_tilt_deg": ("not judged", "30")}
+    assert compare_campaigns(*folders).differences == told
+
+
 @pytest.mark.parametrize(
     ("ours", "theirs", "status", "partial", "said"),
     [

@@ -200,6 +200,29 @@ def test_the_identity_follows_what_changes_a_flight_and_nothing_else() -> None:
     assert len(identities | {base}) == len(other) + 1
 
 
+@pytest.mark.parametrize("module", ["pilot", "pilots.square"])
+def test_an_edited_client_is_flown_again(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A result of the old client would pass for one of the new."""
+    monkeypatch.chdir(tmp_path)
+    source = tmp_path / f"{module.replace('.', '/')}.py"
+    helper = source.with_name("helper.py")
+    source.parent.mkdir(exist_ok=True)
+    weights = tmp_path / "weights.bin"
+    for path in (source, helper, weights):
+        path.write_text("gain = 1")
+    texts = [f"companion={{start: ['{module}:fly'], settings: {{model: weights.bin}}}}"]
+
+    def now() -> str:
+        return case_id(load_bench(None, settings=texts))
+
+    identities = [now()]
+    for path in (source, helper, weights):
+        assert now() == identities[-1]
+        path.write_text("gain = 10")
+        identities.append(now())
+    assert len(set(identities)) == 4
+
+
 def test_a_share_of_the_cases_is_chosen_by_their_identity() -> None:
     cases = [f"{i * 2654435761 % 2**32:020x}" for i in range(20_000)]
     for share in (0.0, 0.02, 1.0):

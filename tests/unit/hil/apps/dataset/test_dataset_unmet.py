@@ -1,4 +1,4 @@
-"""A data set without a fault that its bench declares says so."""
+"""A data set without a fault or the samples of a sensor that its bench declares says so."""
 
 from __future__ import annotations
 
@@ -20,6 +20,15 @@ def test_faults_that_no_flight_met_are_told(tmp_path: Path) -> None:
     options = MakeOptions(quiet=True, workers=1, make_workers=Inline)
     (warning,) = run_dataset(Console(file=io.StringIO()), tmp_path / "out", options, lambda _: plan).warnings
     assert warning.startswith("not in the data set: fault of gps: freeze at 500 s never began: the flight ended at ")
+
+
+def test_sensors_without_a_sample_or_a_return_are_told_of(tmp_path: Path) -> None:
+    slow = "sensors.slow={preset: ist8310, rate_hz: 0.002, autopilot: false}"
+    plan = tiny_plan(tmp_path / "bench", frames=4, settings=(slow, "sensors.lidar.min_range_m=99.9"))
+    options = MakeOptions(quiet=True, workers=1, make_workers=Inline)
+    warnings = run_dataset(Console(file=io.StringIO()), tmp_path / "out", options, lambda _: plan).warnings
+    assert warnings[0].startswith("slow has no sample in the ")
+    assert warnings[1].startswith("lidar has no return in any of ")
 
 
 def test_one_flight_that_met_it_is_enough(tmp_path: Path) -> None:

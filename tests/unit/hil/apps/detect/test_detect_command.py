@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from hil.apps.detect.command import TrainingData, overlap_notes
 from hil.apps.detect.data_sets import SCENES, DataSetSeries, plan
 from hil.apps.detect.pictures import read_data_sets, with_smallest
 from hil.cli.app import run_command_line
@@ -39,6 +41,20 @@ def test_training_without_pytorch_says_what_to_install(
     assert "needs PyTorch" in text
     assert "hil-bench[train]" in text
     assert "Traceback" not in text
+
+
+def test_pictures_that_train_and_judge_are_told(folder: Path, tmp_path: Path) -> None:
+    other = write_data_set(tmp_path / "other", FRAMES)  # type: ignore[arg-type]
+
+    def notes(**given: Any) -> list[str]:
+        pictures, validation, test = TrainingData([folder], **given).read()
+        return overlap_notes(pictures, validation=validation, test=test)
+
+    assert notes() == notes(part="all", validation=[other]) == []
+    (told,) = notes(part="all", validation=[other], test=[folder])
+    assert told.startswith("test: 5 of 5 pictures are trained on, too")
+    (told,) = notes(validation=[folder])  # the whole of it: what `--part train` takes is in it
+    assert told.startswith("validation: 3 of 5 pictures are trained on, too")
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +12,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from hil.apps.detect.data_sets import DataSetSeries, make_data_sets
+from hil.apps.detect.data_sets import BENCH, DataSetSeries, make_data_sets
+from hil.config import load_bench
+from hil.config.saved import resolved_yaml
 from hil.data_set_files import MANIFEST
-from signals.errors import RecordingError
+from hil.run_files import BENCH_NAME
+from signals.errors import ConfigError, RecordingError
 
 CLEAR = "dataset.trajectory.clear=true"
 SERIES = DataSetSeries(sets=3, frames=2, first_seed=1)
@@ -47,3 +52,32 @@ def test_a_set_that_cannot_be_made_does_not_end_the_others(monkeypatch: pytest.M
     with pytest.raises(RecordingError, match=r"2 of 3 data sets made\n.*000-city_park.*with status 2: error"):
         made(monkeypatch, tmp_path, lambda name, _: 2 if name.startswith("000") else 0)
     assert sorted(path.name[:3] for path in tmp_path.iterdir()) == ["000", "001", "002"]
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({}, ""),
+        ({"first_seed": 2}, "another seed: 1, not 2"),
+        ({"frames": 3}, "another frames: 2, not 3"),
+        ({"quality": "epic"}, "another quality: "),
+        ({"objects": (1, 2)}, "another randomize.objects.count: None, not [1, 2]"),
+        ({"size_px": (64, 48)}, "another sensors.front.resolution: [320, 240], not [64, 48]"),
+    ],
+)
+def test_complete_sets_of_another_series_are_no_result(other: dict[str, Any], words: str, tmp_path: Path) -> None:
+    """A test of seeds that were never used was made of the pictures of a training in the same folder."""
+    series = replace(SERIES, sets=1)
+    (plan,) = series.plans()
+    folder = tmp_path / plan.name
+    folder.mkdir()
+    (folder / MANIFEST).write_text(json.dumps({"complete": True, "made_from": {"frames": series.frames}}))
+    settings = (*plan.settings(), f"quality={plan.quality}")
+    bench = load_bench(BENCH, seed=plan.seed, settings=settings, flown=False)
+    (folder / BENCH_NAME).write_text(resolved_yaml(bench.config))
+    if not words:
+        assert make_data_sets(tmp_path, Console(quiet=True), series, quiet=True) == [folder]
+        return
+    with pytest.raises(ConfigError) as refused:
+        make_data_sets(tmp_path, Console(quiet=True), replace(series, **other), quiet=True)
+    assert words in str(refused.value)

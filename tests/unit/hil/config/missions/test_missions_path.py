@@ -71,6 +71,17 @@ def test_open_places_and_return() -> None:
     assert legs(item(16, 30, 0, 8), here)[-1].end_W == pytest.approx((30, 0, 0.25), abs=0.02)
 
 
+def test_a_home_that_the_plan_sets_is_home_from_then_on() -> None:
+    take_off, there = item(22, 1, 2, 10), item(16, 41, 2, 10)
+    here, named = item(179, p1=1.0), item(179, 21, 2, 490.0, frame=0)
+    path = legs(take_off, there, here, item(16, 41, 22, 10), item(20))
+    assert path[2].end_W == pytest.approx((41, 22, 20.25), abs=0.02)  # above the vehicle's place
+    assert path[-1].end_W == pytest.approx((41, 2, 0.25), abs=0.02)
+    path = legs(take_off, there, named, item(16, 41, 22, 10), item(20))
+    assert path[2].end_W == pytest.approx((41, 22, 12), abs=0.02)
+    assert path[-1].end_W == pytest.approx((21, 2, 0.25), abs=0.02)
+
+
 def test_jumps_are_followed_as_often_as_they_say_and_endless_ones_end() -> None:
     square = (item(16, 0, 0, 5), item(16, 10, 0, 5))
     assert [leg.seq for leg in legs(*square, item(177, frame=2, p1=0, p2=2))] == [0, 1, 0, 1, 0, 1]

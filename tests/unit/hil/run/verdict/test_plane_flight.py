@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
+import numpy as np
 import pytest
 
 from hil.config.missions.path import Leg, LegKind
@@ -107,6 +109,31 @@ def test_what_breaks_a_limit_fails_and_is_named(fault: dict[str, float], name: s
     assert any(reason.startswith(name) for reason in verdict.reasons), verdict.reasons
 
 
+@pytest.mark.parametrize("off_m", [0.0, 9.0, -9.0])
+def test_gentle_slopes_have_heights_to_keep(off_m: float) -> None:
+    """Legs whose ends differ by half a metre were not judged."""
+    places = [(600.0 * i, 0.0, height) for i, height in enumerate((HEIGHT_M, HEIGHT_M + 4.0, HEIGHT_M, HEIGHT_M + 8.0))]
+    legs = [Leg(LegKind.CLIMB, 0, (-200.0, 0.0, 0.0), places[0])]
+    legs += [Leg(LegKind.FLY, i + 1, *ends) for i, ends in enumerate(itertools.pairwise(places))]
+    stops = [Stop((-200.0, 0.0)), Stop(places[0][:2]), *(Stop(leg.end_W[:2], 0.0, leg) for leg in legs[1:])]
+    limits = PlaneLimits()
+    measured = PlaneMeasurement(legs, stops, limits, radius_m=48.0, stall=Stall(8.0), wind_at=lambda: (0.0, 0.0, 0.0))
+    for tick in range(0, 10_000, 10):
+        x = 0.2 * tick - 200.0
+        up = np.interp(x, [-200.0, *(place[0] for place in places)], [0.0, *(place[2] + off_m for place in places)])
+        measured.add(
+            TruthState(
+                tick=tick, t_ns=tick * STEP_NS // 10, p_WB=(x, 0.0, float(up)), q_WB=rolled(0.0),
+                v_WB_W=(20.0, 0.0, 0.0), w_WB_B=(0.0, 0.0, 0.0), a_WB_W=(0.0, 0.0, 0.0), alpha_WB_B=(0.0, 0.0, 0.0),
+                rotor_speed_radps=(), in_contact=tick == 0,
+            )
+        )  # fmt: skip
+    verdict = judge_plane(measured, limits)
+    assert measured.counts == (3, 3)
+    assert value(verdict, "altitude_error_m") == pytest.approx(abs(off_m), abs=0.1)
+    assert verdict.status == ("FAIL" if off_m else "PASS"), verdict.reasons
+
+
 def test_a_flight_that_turns_home_early_says_how_far_it_came() -> None:
     measured = PlaneMeasurement(
         LEGS, STOPS, PlaneLimits(), radius_m=48.0, stall=Stall(STALL_MPS), wind_at=lambda: (0.0, 0.0, 0.0)
@@ -115,3 +142,36 @@ def test_a_flight_that_turns_home_early_says_how_far_it_came() -> None:
     assert verdict.status == "FAIL"
     assert verdict.reasons[0] == "reached 0 of 2 waypoints"
     assert any("was never measured" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("lands_at_m", "reason"),
+    [
+        (1900.0, ""),
+        (None, "the plan lands before waypoint 3, and the vehicle did not"),
+        (800.0, "touched the ground at"),
+    ],
+)
+def test_a_landing_in_the_middle_of_the_plan_is_flown(lands_at_m: float | None, reason: str) -> None:
+    """Planned at 1800 m, between two waypoints; the plan ends in the air at 3000 m."""
+    there = (3000.0, 0.0, HEIGHT_M)
+    legs = [*LEGS, Leg(LegKind.CLIMB, 4, TOUCH, (2000.0, 0.0, HEIGHT_M))]
+    legs.append(Leg(LegKind.FLY, 5, legs[-1].end_W, there))
+    stops = [*STOPS, Stop(TOUCH[:2]), Stop((2000.0, 0.0)), Stop(there[:2], 0.0, legs[-1])]
+    limits = PlaneLimits()
+    measured = PlaneMeasurement(legs, stops, limits, radius_m=48.0, stall=Stall(8.0), wind_at=lambda: (0.0, 0.0, 0.0))
+    x, rest, tick = 0.0, 0, 0
+    while x < 3000.0:
+        to_touch_m = math.inf if lands_at_m is None else abs(x - lands_at_m)
+        down = x == lands_at_m and rest < 20
+        up = 0.0 if down else max(1e-3, min(HEIGHT_M, 0.15 * x, 0.15 * to_touch_m))
+        truth = TruthState(
+            tick=tick, t_ns=tick * STEP_NS // 10, p_WB=(x, 0.0, up), q_WB=rolled(0.0), w_WB_B=(0.0, 0.0, 0.0),
+            v_WB_W=(0.0 if down else 20.0, 0.0, 0.0), a_WB_W=(0.0, 0.0, 0.0), alpha_WB_B=(0.0, 0.0, 0.0),
+            rotor_speed_radps=(), in_contact=down,
+        )  # fmt: skip
+        measured.add(truth)
+        x, rest, tick = x + (0.0 if down else 2.0), rest + down, tick + 10
+    verdict = judge_plane(measured, limits)
+    assert measured.completed == (not reason)
+    assert any(reason in each for each in verdict.reasons) if reason else not verdict.reasons, verdict.reasons

@@ -1,4 +1,4 @@
-"""A radar that sees nothing of the scene is told of: its empty or clipped frames passed without a word."""
+"""A radar or LiDAR that sees nothing of the scene is told of: its empty or clipped frames passed without a word."""
 
 from __future__ import annotations
 
@@ -39,3 +39,12 @@ def test_a_radar_without_echoes_or_with_clipped_ones_is_told(setting: str, words
 
 def test_a_radar_over_the_ground_is_not(tmp_path: Path) -> None:
     assert told(tmp_path) == []
+
+
+@pytest.mark.parametrize(("setting", "words"), [("max_range_m: 0.3", "no return in any of 5 sweeps: look"), ("", "")])
+def test_a_lidar_without_a_return_is_told(setting: str, words: str, tmp_path: Path) -> None:
+    lidar = f"sensors.lidar={{preset: vlp16, rate_hz: 10, min_range_m: 0.1, {setting}}}"
+    run = run_bench(load_bench(settings=(*RADAR[:-1], lidar)), tmp_path, quiet=True).run
+    assert run["sensors"]["lidar"]["samples"] == 5
+    told = [row["text"] for row in run["warnings"] if row["text"].startswith("lidar ")]
+    assert [words in text for text in told] == [True] * bool(words)

@@ -1,4 +1,4 @@
-"""Warns of a radar whose frames show nothing of the scene: no echo in any of them, or a converter that clips."""
+"""Warns of a radar or LiDAR that shows nothing of the scene: no echo in any frame, or a converter that clips."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def clipping(clipped: int, samples: int) -> str:
     return f"the converter clipped {clipped / samples:.0%} of the samples, so that ranges and speeds are false"
 
 
-class RadarEchoesPart(Part):
-    name = "radar_echoes"
+class EchoesPart(Part):
+    name = "echoes"
 
     def conclude(self, run: RunContext) -> None:
         for name, radar in run.sensors.radars.items():
@@ -26,7 +26,11 @@ class RadarEchoesPart(Part):
                 run.say("warning", f"radar {name}: no echo in any of {counts.frames} frames: {why}")
             if told := clipping(counts.clipped, counts.samples):
                 run.say("warning", f"radar {name}: {told}: lower conversion_gain_db")
+        for name, lidar in run.sensors.lidars.items():
+            if lidar.sweeps and not lidar.returns:
+                why = "look where it points (mount_rpy_deg), and at its min_range_m and max_range_m"
+                run.say("warning", f"lidar {name}: no return in any of {lidar.sweeps} sweeps: {why}")
 
 
 def make(bench: Bench) -> Part:  # noqa: ARG001
-    return RadarEchoesPart()
+    return EchoesPart()
