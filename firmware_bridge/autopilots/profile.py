@@ -89,7 +89,7 @@ class Profile:
     vtol_kinds: frozenset[str] = frozenset({"standard"})  # of these, those that it flies: `Vtol.kind`
     plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes (or VTOLs) alone
     vtol_items: frozenset[int] = frozenset()  # the same, with VTOLs alone
-    # (vehicle, mission) to what is wrong, and what to do, with each item that it refuses, by number; {}: not known here.
+    # (vehicle, mission) to what is wrong and what to do, by the number of each item that it refuses; {}: not known.
     item_misfits: Callable[[Aircraft, Sequence[MissionItem]], Mapping[int, tuple[str, str]]] = _takes_any_item
 
     # The flight.
