@@ -156,7 +156,11 @@ class BenchLoading:
                 hint = nearest(name, available(kind, self.beside))
                 self.problems.append(at(located, (kind,), f"is unknown: {name!r}", hint))
             else:
-                places = [shown_path(folder) for folder in (*self.beside, Path())]
+                folders = (*self.beside, Path())
+                if any(os.path.isdir(folder / os.path.expanduser(name)) for folder in folders):
+                    self.problems.append(at(located, (kind,), f"names a folder, not a file: {name}"))
+                    return None
+                places = [shown_path(folder) for folder in folders]
                 hint = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
                 self.problems.append(at(located, (kind,), f"names a file that does not exist: {name}", hint))
             return None
