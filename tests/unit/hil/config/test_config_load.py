@@ -150,8 +150,8 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("scene: ./a.folder\n", "b.yaml:1: scene names a folder, not a file: ./a.folder"),
         ("scene: N47E008.hgt\n",
          "N47E008.hgt: is not a known kind of scene: .hgt (known: .yaml, .xml, .mjcf, .glb, .gltf, .osm, .osm.xml,"
-         " .pbf, .tif, .tiff; export a model as .glb, convert heights: gdal_translate IN OUT.tif, an extract: osmium cat"
-         " IN -o OUT.osm)"),
+         " .pbf, .tif, .tiff; export a model as .glb, convert heights: gdal_translate IN OUT.tif, an extract: osmium"
+         " cat IN -o OUT.osm)"),
         ("- a\n", "b.yaml:1: must be a mapping of keys, not [\"a\"]"),
         ("sensors: []\n", "b.yaml:1: sensors must be a mapping of names to sensors, not []"),
         ("sensors: {imu: null}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
