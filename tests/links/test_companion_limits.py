@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import gc
 import itertools
 import os
 import stat
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -116,6 +118,32 @@ def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: p
     with pytest.raises(PortNotFound, match=r"/dev/shm: 3 MiB .*--shm-size.*ring_mb.*arrangement=one_port"):
         SharedRing(3 << 20)
     assert asked == [3 << 20]
+    assert sorted(Path("/dev/shm").iterdir()) == before
+
+
+def test_shared_memory_of_a_run_that_was_stopped_leaves_nothing_and_says_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A signal raises anywhere: while the memory is reserved, or while a view of it is in a frame of the traceback."""
+    before = sorted(Path("/dev/shm").iterdir())
+    told: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    ring = SharedRing(1 << 20)
+    assert ring._view is not None
+    view = ring._view[8:]
+    ring.close()
+    del ring
+    gc.collect()
+    view.release()
+
+    def interrupted(*_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "posix_fallocate", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        SharedRing(1 << 20)
+    gc.collect()
+    assert told == []
     assert sorted(Path("/dev/shm").iterdir()) == before
 
 
