@@ -41,6 +41,8 @@ def test_a_map_on_the_command_line_takes_the_place_of_a_map_made_from_a_seed() -
     bench = load_bench(village, scene=str(quarter))
     assert (bench.scene.name, bench.config.map_seed) == ("quarter", None)
     assert bench.config.goal is not None
+    alp = REPOSITORY / "docs" / "examples" / "places" / "alp.tif"
+    assert load_bench(village, settings=[f"scene={alp}"]).config.map_seed is None  # as a Gymnasium environment says it
     with pytest.raises(ConfigError, match="map_seed"):  # asked for at the same time
         load_bench(village, scene=str(quarter), settings=["map_seed=2"])
 
