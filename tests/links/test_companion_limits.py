@@ -6,6 +6,7 @@ import errno
 import gc
 import itertools
 import os
+import socket
 import stat
 import sys
 import tempfile
@@ -69,6 +70,17 @@ def test_poll_with_zero_timeout_ends_in_spite_of_a_flood() -> None:
             assert 0 < server.malformed < 10
     finally:
         server.close()
+
+
+def test_bytes_that_are_zmtp_1_by_chance_disturb_nobody() -> None:
+    """A port scanner, or a program of another protocol: ZeroMQ states no descriptor for messages of such a peer."""
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        port = int(server.endpoint.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as stranger:
+            stranger.sendall(b"\x02\x00A" + b"\x03\x00hi" + b"\x03\x01hi" + b"\x01\x00")
+            until(server, lambda: server.malformed == 2)
+        step(server, client, 0)
 
 
 def test_second_hello_is_malformed_and_a_repeated_one_is_ignored() -> None:
