@@ -19,6 +19,7 @@ from firmware_bridge.autopilots.line import ONE_LINE, Line
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.ground_station.projections import GeodeticFromW
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from signals.mission import MissionItem
 from signals.samples import Vec3
 
 
@@ -55,6 +56,10 @@ def _takes_any_vehicle(settings: AutopilotSettings, vehicle: Aircraft) -> Sequen
     return ()
 
 
+def _takes_any_item(vehicle: Aircraft, items: Sequence[MissionItem]) -> Mapping[int, tuple[str, str]]:  # noqa: ARG001
+    return {}
+
+
 def _exact(geodetic: GeodeticFromW, home: Home, home_W: Vec3) -> GeodeticFromW:  # noqa: ARG001
     return geodetic
 
@@ -84,6 +89,8 @@ class Profile:
     vtol_kinds: frozenset[str] = frozenset({"standard"})  # of these, those that it flies: `Vtol.kind`
     plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes (or VTOLs) alone
     vtol_items: frozenset[int] = frozenset()  # the same, with VTOLs alone
+    # (vehicle, mission) to what is wrong and what to do, by the number of each item that it refuses; {}: not known.
+    item_misfits: Callable[[Aircraft, Sequence[MissionItem]], Mapping[int, tuple[str, str]]] = _takes_any_item
 
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU

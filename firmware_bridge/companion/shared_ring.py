@@ -56,27 +56,36 @@ def _bytes_of(array: np.ndarray) -> memoryview:
         return array.reshape(-1).view(np.uint8).data
 
 
+class _Memory(shared_memory.SharedMemory):
+    """Shared memory that is freed with its last view, without a message if that is after its own end."""
+
+    def __del__(self) -> None:
+        with suppress(BufferError):
+            super().__del__()
+
+
 class SharedRing:
     """One block of shared memory, and the clients that hold each part of it."""
 
     def __init__(self, size: int) -> None:
         name = f"hil-companion-{secrets.token_hex(8)}"
         try:
-            self._memory = shared_memory.SharedMemory(name, create=True, size=size)
+            self._memory = _Memory(name, create=True, size=size)
         except OSError as error:
             raise _unavailable(size, error) from error
+        self._view: memoryview | None = None
         try:
             _allocate(name, size)
-        except OSError as error:
-            self._memory.unlink()
-            self._memory.close()
-            raise _unavailable(size, error) from error
+            assert self._memory.buf is not None
+            self._view = self._memory.buf[:size]
+            np.frombuffer(self._view, np.uint8)[::4096] = 0  # the system maps the pages now, not in the first frames
+        except BaseException as error:  # also Ctrl-C: the name would outlive the bench
+            self.close()
+            if isinstance(error, OSError):
+                raise _unavailable(size, error) from error
+            raise
         self.name = self._memory.name
         self.size = size
-        assert self._memory.buf is not None
-        view = self._memory.buf[:size]
-        np.frombuffer(view, np.uint8)[::4096] = 0  # the system maps the pages now, not during the first frames
-        self._view: memoryview | None = view
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
 
     def put(self, block: Block, holders: Iterable[str]) -> int | None:

@@ -226,7 +226,7 @@ class BenchSocket:
             return None
         self._received += 1
         last = parts[-1]
-        fd = int(last.get(zmq.SRCFD)) if len(parts) > 1 else -1
+        fd = _descriptor(last) if len(parts) > 1 else -1
         first = parts[1] if len(parts) > 1 else last
         return Received(parts[0].bytes, fd, first.buffer, len(parts) - 1, first)
 
@@ -283,6 +283,14 @@ class BenchSocket:
             if self._folder is not None:
                 self._folder.rmdir()
         self._socket.close(linger=linger_ms)
+
+
+def _descriptor(frame: zmq.Frame) -> int:
+    """Return the descriptor of the connection that a message came by; -1 if ZeroMQ states none, as for ZMTP 1.0."""
+    try:
+        return int(frame.get(zmq.SRCFD))
+    except zmq.ZMQError:
+        return -1
 
 
 def _has_listener(path: str) -> bool:

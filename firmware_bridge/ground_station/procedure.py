@@ -64,12 +64,12 @@ def items_for(autopilot: int, items: Sequence[MissionItem]) -> tuple[MissionItem
     """Return `items` in the form that `autopilot` accepts."""
     shift = firmware_of(autopilot).first_mission_item
     if not shift:
-        return tuple(_in_mission_frame(item) for item in items)
+        return tuple(in_mission_frame(item) for item in items)
     home = MissionItem(0, _FRAME_GLOBAL, _WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
     return (home, *(_after_home(item, shift) for item in items))
 
 
-def _in_mission_frame(item: MissionItem) -> MissionItem:
+def in_mission_frame(item: MissionItem) -> MissionItem:
     """Return an item without a place in the mission frame, where params 5 and 6 are plain numbers, not degrees."""
     if item.command not in _PLACELESS or item.frame == _FRAME_MISSION:
         return item

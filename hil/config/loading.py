@@ -97,8 +97,9 @@ class BenchLoading:
         if "mission" not in options and has_own_site(Path(str(options.get("scene", "")))):
             # The bench file's mission is at another place on Earth. A --set mission=... still counts: it comes last.
             self.settings.set(("mission",), None, "--scene")
-        if is_map_file(Path(str(options.get("scene", "")))):  # the bench file's seed makes the map of its own scene
-            self.settings.set(("map_seed",), None, "--scene")
+        scene_name, origin = _of_command_line("scene", options, settings) or ("", "")
+        if is_map_file(Path(str(scene_name))):  # the bench file's seed makes the map of its own scene
+            self.settings.set(("map_seed",), None, origin)
         self.problems += merge_options(self.settings, settings)
 
     def _take_complete(self, bench: Document) -> bool:
@@ -122,15 +123,8 @@ class BenchLoading:
         for layer in layers:
             if "rig" in layer.data:
                 choice.set(("rig",), layer.data["rig"], layer.where(("rig",)))
-        if "rig" in options:
-            choice.set(("rig",), options["rig"], "--rig")
-        for text in settings:
-            if text.partition("=")[0].strip() == "rig":
-                try:
-                    _, value, origin = parse_setting(text)
-                except ConfigError:
-                    continue  # reported by merge_options
-                choice.set(("rig",), value, origin)
+        if (chosen := _of_command_line("rig", options, settings)) is not None:
+            choice.set(("rig",), *chosen)
         path = self._file("rig", choice.data["rig"], choice)
         if path is None:
             return None
@@ -156,7 +150,11 @@ class BenchLoading:
                 hint = nearest(name, available(kind, self.beside))
                 self.problems.append(at(located, (kind,), f"is unknown: {name!r}", hint))
             else:
-                places = [shown_path(folder) for folder in (*self.beside, Path())]
+                folders = (*self.beside, Path())
+                if any(os.path.isdir(folder / os.path.expanduser(name)) for folder in folders):
+                    self.problems.append(at(located, (kind,), f"names a folder, not a file: {name}"))
+                    return None
+                places = [shown_path(folder) for folder in folders]
                 hint = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
                 self.problems.append(at(located, (kind,), f"names a file that does not exist: {name}", hint))
             return None
@@ -362,3 +360,15 @@ def _in_order(problems: list[Problem]) -> list[Problem]:
         order = files.setdefault(source, len(files))
         keyed.setdefault(str(problem), ((source.startswith(COMMAND_LINE), order, int(line)), problem))
     return [problem for _, problem in sorted(keyed.values(), key=lambda pair: pair[0])]
+
+
+def _of_command_line(key: str, options: Mapping[str, Any], settings: Sequence[str]) -> tuple[Any, str] | None:
+    """Return value and origin of a key: of its last --set, else of its option; None if neither is given."""
+    for text in reversed(settings):
+        if text.partition("=")[0].strip() == key:
+            try:
+                _, value, origin = parse_setting(text)
+            except ConfigError:
+                continue  # reported by merge_options
+            return value, origin
+    return (options[key], f"--{key}") if key in options else None

@@ -14,7 +14,7 @@ from sim.physics.vehicle import Vehicle
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import GltfMap, MjcfMap
 from sim.scene.maps.imported.sources import files_root, import_source, named_file
-from sim.scene.scene import Scene, is_map_file, scene_of_map
+from sim.scene.scene import Scene, check_suffix, is_map_file, scene_of_map
 from sim.scene.scene_file import SceneFile
 from sim.world_loader import load_world
 
@@ -25,6 +25,7 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
     """Read a scene's YAML file, or a map's file as a scene. Raises ConfigError if the file cannot be read at all."""
     if is_map_file(path):
         return scene_of_map(path), []
+    check_suffix(path)
     document = read_yaml(path)
     if document.data in (None, {}):
         return None, [
@@ -39,14 +40,30 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
 def on_free_ground(scene: Scene, vehicle: Vehicle) -> Scene:
     """Return the scene of a glTF file, moved so that its origin is free ground near it if nothing can take off there.
 
-    Such a file says nothing of a take-off place: its origin may be inside a house. Raises ConfigError for a wrong map.
+    Such a file says nothing of a take-off place: its origin may be inside a house. One without ground, such as the
+    model of a house, gets a plane at its foot rather than a vehicle on its roof. Raises ConfigError for a wrong map.
     """
     if not isinstance(scene.map, GltfMap):
         return scene
     problem = take_off_problem(scene, vehicle)
     if problem is None or problem.place is None:
         return scene
-    return scene.model_copy(update={"map": scene.map.model_copy(update={"origin_m": problem.place})})
+    if problem.foot_m is not None:
+        foot_m = round(problem.foot_m, 3)
+        on_plane = _with_map(scene, ground=True, origin_m=(0.0, 0.0, foot_m))
+        beside = take_off_problem(on_plane, vehicle)
+        if beside is not None and beside.place is not None:
+            x, y, _ = beside.place
+            on_plane = _with_map(on_plane, origin_m=(x, y, foot_m))
+            beside = take_off_problem(on_plane, vehicle)
+        if beside is None:
+            return on_plane
+    return _with_map(scene, origin_m=problem.place)
+
+
+def _with_map(scene: Scene, **settings: object) -> Scene:
+    assert scene.map is not None
+    return scene.model_copy(update={"map": scene.map.model_copy(update=settings)})
 
 
 def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:

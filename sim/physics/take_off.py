@@ -44,6 +44,7 @@ class TakeOffProblem(NamedTuple):
     message: str
     hint: str
     place: Vec3 | None  # the nearest free ground in W [m]; None: none was found
+    foot_m: float | None = None  # lowest height of what is solid, if the place is on a roof; None: it is on the ground
 
 
 def take_off_problem(
@@ -63,14 +64,14 @@ def take_off_problem(
     def problem(message: str, otherwise: str = "move the map") -> TakeOffProblem:
         top_m = None if at_origin else _top_m(model, data, x, y)
         there = "" if top_m is None else f"the topmost solid surface there is at z = {top_m:.2f} m; "
-        place = _nearest_place(model, data, vehicle, start, friction=scene.ground_friction)
+        place, foot_m = _nearest_place(model, data, vehicle, start, friction=scene.ground_friction)
         if place is None:
             found = f"no free, level ground was found within {_SEARCH_M[-1]:g} m: {otherwise}, or set start.p_W"
         else:
             x_W, y_W, z_W = place
             p_W = f"[{x_W:.2f}, {y_W:.2f}, {z_W:.2f}]"
             found = f"set start.p_W: {p_W}, the nearest free ground that was found, or {otherwise}"
-        return TakeOffProblem(message, there + found, place)
+        return TakeOffProblem(message, there + found, place, foot_m)
 
     footing = find_footing(model, data, vehicle, start)
     deepest = min(_contacts(model, data, footing), default=(0.0, -1))
@@ -100,8 +101,11 @@ def take_off_problem(
 
 def _nearest_place(
     model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, start: FlightStart, *, friction: float
-) -> Vec3 | None:
-    """Return the nearest place on rings round a start where the vehicle stands in the open; ground before roofs."""
+) -> tuple[Vec3 | None, float | None]:
+    """Return the nearest place on rings round a start where the vehicle stands in the open; ground before roofs.
+
+    With a roof comes the lowest height of the map.
+    """
     x0, y0, _ = start.ground_W
     steepest_rad = min(steepest_slope(vehicle, friction)[0], _EASY_RAD)
     on_top: Vec3 | None = None
@@ -128,9 +132,9 @@ def _nearest_place(
                 continue
             lower = sum(h is None or h < z - _STOREY_M for h in around[1])
             if lower < _ROOF_SIDES:
-                return place
+                return place, None
             on_top = on_top or place
-    return on_top
+    return (None, None) if on_top is None else (on_top, _foot_m(model, data))
 
 
 def _top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> float | None:
@@ -140,6 +144,15 @@ def _top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> fl
     body = int(model.jnt_bodyid[0])
     distance_m: float = mujoco.mj_ray(model, data, top, _DOWN, None, 1, body, geom)
     return None if distance_m < 0.0 else _TOP_M - distance_m
+
+
+def _foot_m(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return the lowest height of what is solid, by the boxes round its geoms."""
+    of_scene = model.geom_bodyid != model.jnt_bodyid[0]
+    geoms = np.flatnonzero(of_scene & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE))
+    up = data.geom_xmat[geoms, 6:]  # the world's z axis in each geom
+    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
+    return float((data.geom_xpos[geoms, 2] + (up * centre - np.abs(up) * half).sum(axis=1)).min())
 
 
 def _overhead(model: mujoco.MjModel, data: mujoco.MjData, footing: Footing) -> tuple[float, int]:

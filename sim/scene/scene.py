@@ -16,6 +16,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, load_model
+from signals.errors import ConfigError
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3, ZERO_DEGC_K, density_kgpm3, geopotential_m, temperature_k
@@ -180,6 +181,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if is_map_file(path):
         return scene_of_map(path)
     path = path if path.suffix else SCENE_DIR / f"{path}.yaml"
+    check_suffix(path)
     scene, document = load_model(path, Scene)
     return scene.from_file(SceneFile(path, document))
 
@@ -189,11 +191,20 @@ def is_map_file(path: Path) -> bool:
     return path.name.lower().endswith(tuple(_MAP_SUFFIXES))
 
 
+def check_suffix(path: Path) -> None:
+    """Raise ConfigError for a file that is no scene by its suffix, such as a mesh or a raster of another format."""
+    suffix = path.suffix.lower()
+    if suffix not in (".yaml", ".yml", ".json"):
+        hint = f"known: .yaml, {', '.join(_MAP_SUFFIXES)}; {_CONVERT}"
+        raise ConfigError.at(shown_path(path), f"is not a known kind of scene: {suffix or 'no suffix'}", hint)
+
+
 def has_own_site(path: Path) -> bool:
     """Return True for a map's file that states its place on Earth: an OpenStreetMap extract or a GeoTIFF."""
     return any(path.name.lower().endswith(end) and kind in ("osm", "elevation") for end, kind in _MAP_SUFFIXES.items())
 
 
+_CONVERT = "export a model as .glb, convert heights: gdal_translate IN OUT.tif, an extract: osmium cat IN -o OUT.osm"
 _MAP_SUFFIXES = {
     ".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf", ".osm": "osm", ".osm.xml": "osm", ".pbf": "osm",
     ".tif": "elevation", ".tiff": "elevation",

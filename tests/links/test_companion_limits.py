@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import errno
+import gc
 import itertools
 import os
+import socket
 import stat
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -69,6 +72,17 @@ def test_poll_with_zero_timeout_ends_in_spite_of_a_flood() -> None:
         server.close()
 
 
+def test_bytes_that_are_zmtp_1_by_chance_disturb_nobody() -> None:
+    """A port scanner, or a program of another protocol: ZeroMQ states no descriptor for messages of such a peer."""
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        port = int(server.endpoint.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as stranger:
+            stranger.sendall(b"\x02\x00A" + b"\x03\x00hi" + b"\x03\x01hi" + b"\x01\x00")
+            until(server, lambda: server.malformed == 2)
+        step(server, client, 0)
+
+
 def test_second_hello_is_malformed_and_a_repeated_one_is_ignored() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, topics=["imu"])
@@ -116,6 +130,32 @@ def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: p
     with pytest.raises(PortNotFound, match=r"/dev/shm: 3 MiB .*--shm-size.*ring_mb.*arrangement=one_port"):
         SharedRing(3 << 20)
     assert asked == [3 << 20]
+    assert sorted(Path("/dev/shm").iterdir()) == before
+
+
+def test_shared_memory_of_a_run_that_was_stopped_leaves_nothing_and_says_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A signal raises anywhere: while the memory is reserved, or while a view of it is in a frame of the traceback."""
+    before = sorted(Path("/dev/shm").iterdir())
+    told: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    ring = SharedRing(1 << 20)
+    assert ring._view is not None
+    view = ring._view[8:]
+    ring.close()
+    del ring
+    gc.collect()
+    view.release()
+
+    def interrupted(*_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "posix_fallocate", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        SharedRing(1 << 20)
+    gc.collect()
+    assert told == []
     assert sorted(Path("/dev/shm").iterdir()) == before
 
 

@@ -17,13 +17,22 @@ from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED, VTOL_SUPPORTED
+from firmware_bridge.mock_pixhawk.flight.mission_item import (
+    PLANE_SUPPORTED,
+    REPERTOIRES,
+    SUPPORTED,
+    VTOL_SUPPORTED,
+    refusal,
+)
+from firmware_bridge.mock_pixhawk.ids import MissionResult
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind, airframes
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
+from signals.mission import MissionItem
 
 MOCK_BOOT_SENSORS = 20
 PLANE_AIRFRAME, VTOL_AIRFRAME = "plane", "standard_vtol"  # whose surfaces and gains the vehicle's replace
+_KINDS = ("multirotor", "plane", "VTOL")  # by CA_AIRFRAME
 
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
@@ -201,6 +210,21 @@ def vehicle_misfits(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[
     return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's rotors are then taken"),)
 
 
+def item_misfits(vehicle: Aircraft, items: Sequence[MissionItem]) -> Mapping[int, tuple[str, str]]:
+    """Return what is wrong, and what to do, with each item that the mock refuses at the upload, by number."""
+    from firmware_bridge.ground_station.procedure import in_mission_frame  # with the messages of MAVLink
+
+    repertoire = REPERTOIRES[_KINDS.index(_kind_of(vehicle))]
+    found: dict[int, tuple[str, str]] = {}
+    for item in items:
+        result, reason = refusal(in_mission_frame(item), len(items), repertoire)
+        if result == MissionResult.UNSUPPORTED_FRAME:
+            found[item.seq] = reason, "use 3: altitude above home"
+        elif result != MissionResult.ACCEPTED:
+            found[item.seq] = reason, ""
+    return found
+
+
 def _kind_of(vehicle: Aircraft) -> str:
     if isinstance(vehicle, Vtol):
         return "VTOL"
@@ -225,6 +249,7 @@ PROFILE = Profile(
     expects_station=False,
     flies_planes=True,
     flies_vtols=True,
+    item_misfits=item_misfits,
     plane_items=frozenset(PLANE_SUPPORTED - SUPPORTED),
     vtol_items=frozenset(VTOL_SUPPORTED - PLANE_SUPPORTED),
 )

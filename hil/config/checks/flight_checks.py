@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from firmware_bridge.autopilots.installation import FixedWing
 from firmware_bridge.autopilots.px4.wing_parameters import LAUNCH_MPS2, ROTATION
+from hil.config.airframe_facts import airframe_facts
 from hil.config.bench import Bench
 from hil.config.checks.short_legs import short_legs
 from hil.config.checks.still_checks import still_problems
@@ -44,12 +45,25 @@ def flight_problems(bench: Bench, settings: Located) -> list[Problem]:
     if mission is None:
         return []
     if is_vtol(vehicle):
-        return vtol_mission_problems(bench, mission)
-    if not is_plane(vehicle):
-        return _copter_problems(config, vehicle, mission) or still_problems(bench, mission)
-    facts = fixed_wing_facts(vehicle, scene.site)
-    problems = _start_problems(config, vehicle, facts, scene, settings)
-    return problems + _plane_mission_problems(bench.legs, facts, mission)
+        problems = vtol_mission_problems(bench, mission)
+    elif not is_plane(vehicle):
+        problems = _copter_problems(config, vehicle, mission) or still_problems(bench, mission)
+    else:
+        facts = fixed_wing_facts(vehicle, scene.site)
+        problems = _start_problems(config, vehicle, facts, scene, settings)
+        problems += _plane_mission_problems(bench.legs, facts, mission)
+    return problems or _refused_items(bench, mission)
+
+
+def _refused_items(bench: Bench, mission: Mission) -> list[Problem]:
+    """Report items that the autopilot is known to refuse when the mission is uploaded."""
+    autopilot = bench.config.autopilot
+    facts = airframe_facts(bench.vehicle, bench.scene.site, bench.config.physics.effects)
+    misfits = autopilot.profile.item_misfits(facts, mission.items)
+    return [
+        mission.problem(seq, f"is refused by the autopilot {autopilot.kind!r}: {reason}", hint)
+        for seq, (reason, hint) in misfits.items()
+    ]
 
 
 def _copter_problems(config: BenchConfig, vehicle: Vehicle, mission: Mission) -> list[Problem]:

@@ -23,7 +23,10 @@ from signals.mission import MissionItem
 MAX_ITEMS = 2_000  # capacity of the mock autopilot
 MAX_HEIGHT_M = 5_000.0  # above home; a multicopter of this class flies lower
 MAX_DISTANCE_M = 100_000.0  # from the scene's site
-_OTHER_MISSION = "name the mission of this place with --mission, or fly none: --set mission=null"
+_OTHER_MISSION = (
+    "name the mission of this place with --mission, a scene with the site of this mission with --scene, or fly none: "
+    "--set mission=null"
+)
 
 # MAV_FRAME numbers that a mission may use.
 FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE = 0, 2, 3

@@ -80,7 +80,7 @@ class _PlanReader:
             return
         items = transects.get("Items")
         transects_place = (*place, "TransectStyleComplexItem")
-        if not isinstance(items, list):
+        if not isinstance(items, list) or not items:
             self.report(transects_place, f"{name} ({kind}) holds no computed items", "save it again in QGroundControl")
             return
         for index, item in enumerate(items):
@@ -95,7 +95,8 @@ class _PlanReader:
         for key in ("command", "frame"):
             value = entry.get(key)
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 65535:
-                problem = f"must be a number, not {shown(value)}" if key in entry else "is missing"
+                wanted = "must be a whole number from 0 to 65535"
+                problem = f"{wanted}, not {shown(value)}" if key in entry else "is missing"
                 self.report((*place, key), f"{name}: {key} {problem}")
             else:
                 numbers.append(value)

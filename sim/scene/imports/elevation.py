@@ -68,7 +68,8 @@ class GeoTiff:
     def at(self, latitude_deg: Float64, longitude_deg: Float64) -> Float64:
         """Return the heights at places, bilinear; NaN outside."""
         if self.epsg in _GEOGRAPHIC:
-            x, y = longitude_deg, latitude_deg
+            beyond = longitude_deg - (self.origin[0] + 0.5 * self.heights.shape[1] * self.step[0])
+            x, y = longitude_deg - 360.0 * np.round(beyond / 360.0), latitude_deg  # also across the date line
         else:
             x, y = utm(latitude_deg, longitude_deg, self.epsg % 100, south=self.epsg // 100 == 327)
         column, row = (x - self.origin[0]) / self.step[0], (y - self.origin[1]) / self.step[1]
@@ -91,6 +92,7 @@ class GeoTiff:
         row, column = known[np.abs(known - (0.5 * (rows - 1), 0.5 * (columns - 1))).sum(axis=1).argmin()].tolist()
         x, y = self.origin[0] + column * self.step[0], self.origin[1] + row * self.step[1]
         latitude_deg, longitude_deg = (y, x) if self.epsg in _GEOGRAPHIC else self._geodetic(x, y)
+        longitude_deg -= 360.0 if longitude_deg > 180.0 else 0.0
         return round(latitude_deg, 7), round(longitude_deg, 7), round(float(self.heights[row, column]), 2)
 
     def _geodetic(self, x: float, y: float) -> tuple[float, float]:

@@ -50,11 +50,14 @@ class OsmData:
 
     def middle(self) -> Node:
         """Return the middle of the extract: of its bounds, or of its nodes if it states none."""
-        if self.bounds is None:
+        if self.bounds is None or self.bounds[3] - self.bounds[1] > 180.0:
             latitudes, longitudes = zip(*self.nodes.values(), strict=True)
+            if max(longitudes) - min(longitudes) > 180.0:  # on both sides of the date line
+                longitudes = tuple(longitude % 360.0 for longitude in longitudes)
             self.bounds = (min(latitudes), min(longitudes), max(latitudes), max(longitudes))
         south, west, north, east = self.bounds
-        return 0.5 * (south + north), 0.5 * (west + east)
+        longitude = 0.5 * (west + east)
+        return 0.5 * (south + north), longitude - 360.0 if longitude > 180.0 else longitude
 
 
 def read_osm(path: Path, budget: Budget | None = None) -> OsmData:

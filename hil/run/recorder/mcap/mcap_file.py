@@ -189,7 +189,7 @@ class SafeFile:
             raise RecordingError(
                 f"{self.path}: writing failed at tick {tick} ({error.strerror or error}); "
                 f"everything before it is readable{note}. Free disk space, or switch the recording off "
-                "with --set record.mcap=false"
+                f"with --set record.{self.path.suffix[1:]}=false"
             ) from error
         self.size += len(data)
         return True

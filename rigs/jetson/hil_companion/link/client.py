@@ -270,7 +270,8 @@ class Client:
         if desired is not None and not isinstance(desired, Desired):
             raise CutError(f"a CUT returns a Desired or None, not {type(desired).__name__}")
         if desired is not None and not self.welcome.control:
-            raise CutError("a desired state from a client without control: connect with control=True (--control)")
+            message = "a desired state from a client without control: connect with control=True (--control)"
+            raise CutError(f"{message}, or give the CUT the attribute control = True")
         if detections is not None and not isinstance(detections, Detections):
             raise CutError(f"detections of a CUT are a Detections or None, not {type(detections).__name__}")
         if frame not in self._unanswered:

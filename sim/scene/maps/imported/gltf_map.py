@@ -39,6 +39,7 @@ MAX_EXTENT_M = 50_000.0
 MAX_ORIGIN_M = 100_000.0  # of map.origin_m
 _NO_MESH = "export it again with its meshes, not hidden, as triangles"
 _DRAWN_BYTES = 150  # of a triangle in MuJoCo's format
+_USUAL_M = (5.0, 5_000.0)  # width of a map; beyond, the file may be in another unit
 _MAX_COLOURS = 48  # of the vertices of one primitive
 _ROUND_ORIGIN_M = np.array([(x, y) for x in (-3.0, 0.0, 3.0) for y in (-3.0, 0.0, 3.0)])
 _TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y up to z up
@@ -92,6 +93,7 @@ class _MapMaker:
         self._patterns = ClassPatterns(options.classes)
         self._used_surfaces: set[str] = set()
         self._error_m = options.contact_error_m
+        self._low_m, self._high_m = np.full(3, np.inf), np.full(3, -np.inf)
         self._covered = np.zeros(len(_ROUND_ORIGIN_M), bool)
 
     def make(self) -> ImportedMap:
@@ -133,6 +135,11 @@ class _MapMaker:
         if any(self._options.origin_m):
             x, y, z = self._options.origin_m
             lines.append(f"the take-off place is ({x:g}, {y:g}, {z:g}) m in the file (map.origin_m)")
+        size_m = self._high_m - self._low_m
+        if not _USUAL_M[0] <= size_m[:2].max() <= _USUAL_M[1]:
+            x, y, z = size_m.tolist()
+            size = f"{x:.6g} m by {y:.6g} m, {z:.6g} m high"
+            lines.append(f"the map is {size}: set map.scale if the file is not in metres")
         if notes.flat:
             lines.append(f"{notes.flat} triangles without an area are left out")
         if notes.lines:
@@ -161,6 +168,7 @@ class _MapMaker:
         mesh_name = self._file.gltf.meshes[placed.mesh].name
         position = placed.position - np.array(self._options.origin_m)
         low, high = _bounds(shown, placed)
+        self._low_m, self._high_m = np.minimum(self._low_m, low), np.maximum(self._high_m, high)
         origin = np.array(self._options.origin_m)
         if not max(np.abs(low - origin).max(), np.abs(high - origin).max()) <= MAX_EXTENT_M:  # NaN is none
             message = f"goes beyond {MAX_EXTENT_M / 1000:g} km from the take-off place"

@@ -41,6 +41,8 @@ def test_a_map_on_the_command_line_takes_the_place_of_a_map_made_from_a_seed() -
     bench = load_bench(village, scene=str(quarter))
     assert (bench.scene.name, bench.config.map_seed) == ("quarter", None)
     assert bench.config.goal is not None
+    alp = REPOSITORY / "docs" / "examples" / "places" / "alp.tif"
+    assert load_bench(village, settings=[f"scene={alp}"]).config.map_seed is None  # as a Gymnasium environment says it
     with pytest.raises(ConfigError, match="map_seed"):  # asked for at the same time
         load_bench(village, scene=str(quarter), settings=["map_seed=2"])
 
@@ -147,6 +149,11 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("vehicle: x50\n", "b.yaml:1: vehicle is unknown: 'x50' (did you mean 'x500'?)"),
         ("mission: gone.plan\n",
          "b.yaml:1: mission names a file that does not exist: gone.plan (looked beside . and in the installed rigs)"),
+        ("scene: ./a.folder\n", "b.yaml:1: scene names a folder, not a file: ./a.folder"),
+        ("scene: N47E008.hgt\n",
+         "N47E008.hgt: is not a known kind of scene: .hgt (known: .yaml, .xml, .mjcf, .glb, .gltf, .osm, .osm.xml,"
+         " .pbf, .tif, .tiff; export a model as .glb, convert heights: gdal_translate IN OUT.tif, an extract: osmium"
+         " cat IN -o OUT.osm)"),
         ("- a\n", "b.yaml:1: must be a mapping of keys, not [\"a\"]"),
         ("sensors: []\n", "b.yaml:1: sensors must be a mapping of names to sensors, not []"),
         ("sensors: {imu: null}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
@@ -176,6 +183,8 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
     ],
 )  # fmt: skip
 def test_every_mistake_is_named_with_its_line(text: str, problem: str) -> None:
+    Path("a.folder").mkdir()
+    Path("N47E008.hgt").write_bytes(b"\x01\xf4" * 8)
     assert refused(text) == [problem]
 
 

@@ -54,6 +54,24 @@ def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
     assert "the vehicle 'x500' is a multirotor" in told
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "told"),
+    [
+        (2, "10", "is refused by the autopilot 'mock': frame 10 is not supported (use 3: altitude above home)"),
+        (3, "82", "is refused by the autopilot 'mock': command 82 is not supported"),
+    ],
+)
+def test_items_that_the_mock_would_refuse_at_the_upload(tmp_path: Path, column: int, value: str, told: str) -> None:
+    rows = [row.split("\t") for row in (ROOT / "rigs/missions/short.waypoints").read_text().splitlines()]
+    rows[4][column] = value
+    mission = tmp_path / "m.waypoints"
+    mission.write_text("\n".join("\t".join(row) for row in rows) + "\n")
+    assert f"{mission}:5: item 3 {told}" in problems(tmp_path, f"rig: mock\nmission: {mission}\n")
+    bench = tmp_path / "px4.yaml"
+    bench.write_text(f"rig: px4_sitl\nautopilot: {{start: false}}\nmission: {mission}\n")
+    assert load_bench(bench).mission is not None, "firmware that is not known here decides for itself"
+
+
 def test_an_autopilot_that_flies_no_planes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PROFILES, "ardupilot_eahrs", replace(PROFILES["ardupilot_eahrs"], flies_planes=False))
     told = problems(tmp_path, PLANE.replace("rig: mock", "rig: ardupilot_eahrs"))

@@ -125,6 +125,23 @@ def test_a_gltf_file_whose_origin_is_inside_a_house_gets_a_place_beside_it(tmp_p
     assert on_free_ground(bench.scene, bench.vehicle) is bench.scene
 
 
+@pytest.mark.parametrize("foot_m", [0.0, -6.0])
+def test_the_model_of_a_building_alone_gets_a_plane_at_its_foot(tmp_path: Path, foot_m: float) -> None:
+    """Its roof is the only solid thing that a vehicle could stand on; no ground would be around it in flight."""
+    file = GlbFile()
+    vertices, triangles, _ = box((-5.0, foot_m, -5.0), (5.0, foot_m + 12.0, 5.0))
+    file.node("tower", file.mesh("tower", (vertices, triangles, file.material("wall"), None)))
+    path = tmp_path / "tower.glb"
+    path.write_bytes(file.glb())
+    bench = load_bench(scene=str(path), mission=None)
+    assert isinstance(bench.scene.map, GltfMap)
+    x, y, z = bench.scene.map.origin_m
+    assert max(abs(x), abs(y)) > 5.0
+    assert z == pytest.approx(foot_m, abs=0.02)
+    assert take_off_problem(bench.scene, bench.vehicle) is None
+    assert take_off_problem(bench.scene, bench.vehicle, FlightStart(ground_W=(30.0, 30.0, 0.0))) is None
+
+
 @pytest.mark.parametrize(("under_m", "is_free"), [(0.8, False), (1.1, False), (2.0, True)])
 def test_a_vehicle_under_something_low_is_refused_and_gets_a_place(
     tmp_path: Path, under_m: float, is_free: bool

@@ -143,10 +143,12 @@ def test_unknown_commands_are_left_to_the_autopilot() -> None:
         (plan(at(altitude=0, command=22)), "m.plan:3: item 1 (take-off) goes to 0 m above home: it must climb"),
         (plan(at(48.5)),
          "m.plan:3: item 1 (waypoint) is 123 km from the scene's site at 47.39774, 8.54559; at most 100 km are accepted"
-         " (name the mission of this place with --mission, or fly none: --set mission=null)"),
+         " (name the mission of this place with --mission, a scene with the site of this mission with "
+         "--scene, or fly none: --set mission=null)"),
         (plan(at(), at(48.5), at(48.6), at(48.7)),
          "m.plan:4: item 2 (waypoint) is 123 km from the scene's site at 47.39774, 8.54559; at most 100 km are accepted"
-         ", and so are 2 items more (name the mission of this place with --mission, or fly none: --set mission=null)"),
+         ", and so are 2 items more (name the mission of this place with --mission, a scene with the site of this "
+         "mission with --scene, or fly none: --set mission=null)"),
         (plan(at(), numbers(16, p1=-5)), "m.plan:4: item 2 waits -5 s (give 0 s or more)"),
         (plan(at(), numbers(16, p2=-5)),
          "m.plan:4: item 2 has the acceptance radius -5 m (give more than 0 m, or 0 for the autopilot's own)"),
@@ -168,12 +170,15 @@ def test_unknown_commands_are_left_to_the_autopilot() -> None:
          "m.plan:4: item 2 jumps to the item with doJumpId 7, which does not exist"),
         (plan(at(), item(params=[0, 0])), "m.plan:4: item 2: params must be a list of 7 numbers, found 2"),
         (plan(at("47")), "m.plan:3: item 1: param 5 must be a number or null, not '47'"),
-        (plan(item(frame="3")), "m.plan:3: item 1: frame must be a number, not '3'"),
+        (plan(item(frame="3")), "m.plan:3: item 1: frame must be a whole number from 0 to 65535, not '3'"),
+        (plan(item(command=99999)), "m.plan:3: item 1: command must be a whole number from 0 to 65535, not 99999"),
         (plan({"type": "SimplItem"}),
          "m.plan:3: item 1 is not a SimpleItem or ComplexItem (did you mean 'SimpleItem'?)"),
         (plan(at(), {"type": "ComplexItem", "complexItemType": "StructureScan"}),
          "m.plan:4: item 2 is a complex item of type 'StructureScan', which cannot be expanded"
          " (surveys and corridor scans can)"),
+        (plan(at(), {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": []}}),
+         "m.plan:4: item 2 (survey) holds no computed items (save it again in QGroundControl)"),
         (plan(at(), plannedHomePosition=[1, 2]),
          "m.plan:2: plannedHomePosition must be latitude, longitude and altitude"),
         ('{"fileType": "GeoFence"}', "m.plan:1: is not a QGroundControl plan but a 'GeoFence' file"),

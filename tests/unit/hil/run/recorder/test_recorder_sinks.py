@@ -177,14 +177,14 @@ def test_full_disk_is_one_error_and_leaves_a_readable_file(tmp_path: Path, free_
 
 
 def test_disk_full_from_the_start_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"run\.mcap: writing failed at tick 0"):
+    with pytest.raises(RecordingError, match=r"run\.mcap: writing failed at tick 0 .*record\.mcap=false"):
         Recorder(tmp_path, mcap=True, tlog=False, tick_ns=TICK_NS, open_file=lambda _: FillingDisk(50))
 
 
 def test_full_disk_at_the_very_end_is_raised_by_close_once(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, mcap=False, tlog=True, tick_ns=TICK_NS, open_file=lambda _: FillingDisk(100))
     fly(recorder, make_flight(20))
-    with pytest.raises(RecordingError, match=r"flight\.tlog: writing failed at tick 19"):
+    with pytest.raises(RecordingError, match=r"flight\.tlog: writing failed at tick 19 .*record\.tlog=false"):
         recorder.close("PASS")
     recorder.close("PASS")
 

@@ -151,6 +151,19 @@ def test_a_geotiff_is_a_scene_of_its_own(epsg: int, tmp_path: Path) -> None:
     assert (rise[1] - rise[0]) / 120.0 == pytest.approx(per_m, rel=0.02)
 
 
+@pytest.mark.parametrize("west_deg", [179.997, 179.999])
+def test_heights_on_both_sides_of_the_date_line(west_deg: float, tmp_path: Path) -> None:
+    """A plane that rises to the east, with its middle on either side."""
+    heights = 100.0 + np.tile(np.arange(40.0), (40, 1))
+    (tmp_path / "fiji.tif").write_bytes(geotiff(heights, (west_deg, -16.8), (0.0001, 0.0001), 4326))
+    scene = load_scene(tmp_path / "fiji.tif")
+    east_deg = west_deg + 0.00195
+    assert scene.site.longitude_deg == pytest.approx(east_deg - (360.0 if east_deg > 180.0 else 0.0), abs=1e-4)
+    terrain = make_terrain(read_geotiff(tmp_path / "fiji.tif"), scene.site, 150.0)
+    rise_m = terrain.height(np.array([[-100.0, 50.0], [100.0, 50.0]]))
+    assert (rise_m[1] - rise_m[0]) / 200.0 == pytest.approx(1.0 / (0.0001 * 106_600.0), rel=0.05)
+
+
 def top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> float:
     geom = np.full((1, 1), -1, dtype=np.int32)
     return 500.0 - mujoco.mj_ray(

@@ -337,6 +337,16 @@ def test_triangles_without_an_area_are_left_out_with_a_note(tmp_path: Path) -> N
     assert world.map.notes == ("2 triangles without an area are left out",)
 
 
+@pytest.mark.parametrize(("edge", "noted"), [(2.0, True), (200.0, False), (20_000.0, True)])
+def test_a_file_in_another_unit_is_noted_by_its_size(tmp_path: Path, edge: float, noted: bool) -> None:
+    file = GlbFile()
+    vertex, triangle, _ = box((0.0, 0.0, 0.0), (edge, 0.5 * edge, edge))
+    file.node("crate", file.mesh("crate", (vertex, triangle, file.material("wood"), None)))
+    size = f"the map is {edge:.6g} m by {edge:.6g} m, {0.5 * edge:.6g} m high"
+    told = (f"{size}: set map.scale if the file is not in metres",) if noted else ()
+    assert load_world(scene_of(tmp_path, file.glb())).map.notes == told
+
+
 def test_patterns_without_effect_are_reported(tmp_path: Path) -> None:
     (tmp_path / "place.glb").write_bytes(small_file().glb())
     (tmp_path / "scene.yaml").write_text(

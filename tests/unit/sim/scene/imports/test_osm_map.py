@@ -276,6 +276,20 @@ def test_a_long_file_and_a_far_site(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         world_of(tmp_path, text)
 
 
+@pytest.mark.parametrize("bounds", ["", '<bounds minlat="-16.9" minlon="-180" maxlat="-16.7" maxlon="180"/>'])
+def test_an_extract_on_both_sides_of_the_date_line(bounds: str, tmp_path: Path) -> None:
+    places = [(-16.8001, 179.9995), (-16.8001, -179.9999), (-16.7999, -179.9999), (-16.7999, 179.9995)]
+    nodes = "".join(f'<node id="{i}" lat="{lat}" lon="{lon}"/>' for i, (lat, lon) in enumerate(places, 1))
+    way = "".join(f'<nd ref="{i}"/>' for i in (1, 2, 3, 4, 1))
+    path = tmp_path / "fiji.osm"
+    path.write_text(f'<osm version="0.6">{bounds}{nodes}<way id="1">{way}<tag k="leisure" v="park"/></way></osm>')
+    assert read_osm(path).middle() == pytest.approx((-16.8, 179.9998))
+    scene = load_scene(path)
+    assert scene.site.longitude_deg == pytest.approx(179.9998, abs=1e-4)
+    low, high = extent(world := load_world(scene), geoms_of(world, "grass"))
+    assert high[0] - low[0] == pytest.approx(0.0006 * 106_600.0, rel=0.05)
+
+
 def test_pbf_with_and_without_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "place.osm.pbf").write_bytes(b"not a PBF file at all")
     original = builtins.__import__
