@@ -69,10 +69,7 @@ function update(head, frames) {
   // Between two trails from the run, updates extend the trail.
   if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
   const error = head.result?.error;
-  showMessage(
-    "run",
-    head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""),
-  );
+  showMessage("run", head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
   if (!running) stopping = false;
   buttons();
   drawn = frames.find((frame) => frame.as === "drawings") ?? drawn;
@@ -417,7 +414,10 @@ $("f-pace").onchange = () => {
   if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) });
 };
 
-const choices = new Choices((name) => $(`f-${name}`), (text) => showMessage("lists", text));
+const choices = new Choices(
+  (name) => $(`f-${name}`),
+  (text) => showMessage("lists", text),
+);
 
 const missions = new Missions({
   view,
