@@ -396,8 +396,8 @@ def test_the_output_of_a_started_client_that_ends_at_once_is_reported(tmp_path: 
 
 
 def test_a_started_client_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    outcome = fly(tmp_path, "start: ['no.such:Cut']")
-    assert_error(outcome, "LinkClosed", "companion Cut", "no.such")
+    outcome = fly(tmp_path, "start: ['json:Cut']")
+    assert_error(outcome, "LinkClosed", "companion Cut", "json")
 
 
 @pytest.mark.parametrize("arrangement", ["shared_memory", "one_port"])

@@ -62,6 +62,7 @@ _YARD = """<mujoco><asset><material name="plaster"/><material name="foil"/></ass
   <body name="crane_1"><geom type="box" size="1 1 5" pos="0 20 5"/></body>
 </worldbody></mujoco>"""
 _FILES = {
+    "my_module.py": "",  # a client of docs/companion.md
     "my_bench.yaml": "rig: mock\nsensors: {front: {preset: camera_320x240, rate_hz: 5}}\n",
     "px4.yaml": "rig: px4_sitl\nautopilot: {binary: PX4-Autopilot/build/px4_sitl_default/bin/px4}\n",
     "park.yaml": "scene: city_park\nsensors: {front: {preset: camera_320x240, rate_hz: 10, colour: path_traced}}\n",
