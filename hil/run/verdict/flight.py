@@ -20,8 +20,8 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
                    stays over one place has no leg: the distance from that place counts, from the end of the climb to
                    the descent.
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
-                   is measured and that leg is level or slopes gently. After a climb or a steeper leg the first
-                   `SETTLE_M` of such flight do not count.
+                   is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
+                   the first `SETTLE_M` do not count.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.

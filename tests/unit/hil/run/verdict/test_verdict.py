@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.path import ACCEPTANCE_RADIUS_M, Leg, LegKind
 from hil.config.schema import Limits
 from hil.run.verdict.flight import FlightMeasurement, Measurements, horizontal_distance_m, judge
 from hil.run.verdict.verdict import Row
@@ -401,6 +401,34 @@ def test_gentle_slopes_have_heights_to_keep(off_m: float) -> None:
     assert judge(measured, Limits()).status == ("FAIL" if off_m else "PASS")
     at_once = [HOME, *((x, y, max(z, after[2])) for (x, y, z), after in itertools.pairwise(places)), places[-1]]
     assert flown(legs, at_once).altitude_error_m == pytest.approx(0.0, abs=0.01), "autopilots climb in their own ways"
+
+
+def sloping_plan(*places: Vec3, radius_m: float = ACCEPTANCE_RADIUS_M) -> list[Leg]:
+    legs = [Leg(LegKind.CLIMB, 0, HOME, places[0])]
+    return legs + [Leg(LegKind.FLY, i + 1, *ends, radius_m) for i, ends in enumerate(itertools.pairwise(places))]
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_height_that_is_reached_late_is_no_error(up: float) -> None:
+    """Autopilots change the height along a leg, at its start, or at its end: five metres after it they have it."""
+    high = 20.0 + 4.0 * up
+    places: list[Vec3] = [(0.0, 0.0, 20.0), (60.0, 0.0, 20.0), (120.0, 0.0, high), (200.0, 0.0, high)]
+    for late in ([(118.0, 0.0, 20.0), (124.9, 0.0, high)], [(120.0, 0.0, high - 0.9 * up), (124.9, 0.0, high)]):
+        measured = flown(sloping_plan(*places), [HOME, *places[:2], *late, places[3]])
+        assert measured.reached == 3
+        assert measured.altitude_error_m == pytest.approx(0.0, abs=0.01)
+    measured = flown(sloping_plan(*places), [HOME, *places[:2], (130.0, 0.0, high - up), places[3]])
+    assert measured.altitude_error_m == pytest.approx(1.21, abs=0.02), "after that it is one"
+
+
+@pytest.mark.parametrize("radius_m", [2.0, 10.0])
+@pytest.mark.parametrize("leg_m", [3.0, 5.0, 30.0])
+def test_a_flight_on_the_line_has_no_error_of_height(leg_m: float, radius_m: float) -> None:
+    """However far the count is ahead of the vehicle, and with a steep leg among the others."""
+    heights = (20.0, 20.0, 20.0 + 0.2 * leg_m, 20.0 + 0.21 * leg_m, 20.0 + 0.3 * leg_m, 20.0 + 0.3 * leg_m)
+    places = [(leg_m * i, 0.0, height) for i, height in enumerate(heights)]
+    measured = flown(sloping_plan(*places, radius_m=radius_m), [HOME, *places])
+    assert measured.altitude_error_m in (None, pytest.approx(0.0, abs=0.01))
 
 
 def test_height_counts_from_five_metres_of_level_flight_on() -> None:
