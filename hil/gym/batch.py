@@ -25,7 +25,9 @@ from signals.documents.validate import nearest
 from signals.errors import ConfigError
 from sim._kernels import cruise_flights
 
-TASKS = [module.name for module in iter_modules(tasks.__path__)]  # each file is a task: the class NameTask in name.py
+TASKS = [
+    module.name for module in iter_modules(tasks.__path__)
+]  # each file is a task: the class MyNameTask in my_name.py
 
 _FLIES: Ends = np.ones(1, np.bool_)  # of a batch of one
 
@@ -252,14 +254,19 @@ def _again(made_of: tuple[Any, ...], map_seeds: Sequence[int | None], history: H
 
 def environment_id(task: str) -> str:
     """Return the id of a task's environment in gymnasium's registry."""
-    return f"hil/{task.title()}-v0"
+    return f"hil/{_camel_case(task)}-v0"
+
+
+def _camel_case(task: str) -> str:
+    """Return FigureEight of figure_eight."""
+    return task.title().replace("_", "")
 
 
 def task_class(task: str) -> type[Task]:
     """Return the class of a task. Raises ConfigError for an unknown name."""
     if task not in TASKS:
         raise ConfigError.at("hil.gym", f"task {task!r} is unknown", nearest(task, TASKS))
-    found: type[Task] = getattr(import_module(f"hil.gym.tasks.{task}"), f"{task.title()}Task")
+    found: type[Task] = getattr(import_module(f"hil.gym.tasks.{task}"), f"{_camel_case(task)}Task")
     return found
 
 

@@ -23,9 +23,11 @@ from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, benchmarks, has_lab, impo
 from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
+from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem, file_errors
 
 ALL = "all"
+_INSTALLED = " of this installation; a further one needs a checkout of hil-bench: `make setup` there"
 
 
 def run_benchmarks(
@@ -44,20 +46,15 @@ def run_benchmarks(
     `errors_only` leaves out the checks of speed, which other load on the machine moves; `without` names benchmarks that
     ALL leaves out.
 
-    Raises ConfigError for an unknown name or setting, or a benchmark that needs a checkout where there is none;
-    RecordingError if a file cannot be written.
+    Raises ConfigError for a name that is no benchmark of this machine, or an unknown setting; RecordingError if a file
+    cannot be written.
     """
-    named = (*(without if has_lab() else ()), *([] if name == ALL else [name]))  # without a lab its names mean nothing
-    unknown = [each for each in named if each not in benchmarks()]
-    if unknown and not has_lab():
-        known = ", ".join((*benchmarks(), ALL))
-        todo = (
-            f"run `make setup` in a checkout, then `.venv/bin/hil bench {unknown[0]}` there; here use one of: {known}"
-        )
-        raise ConfigError.at(f"hil bench {unknown[0]}", NEEDS_CHECKOUT, todo)
+    unknown = [each for each in (*without, *([] if name == ALL else [name])) if each not in benchmarks()]
     if unknown:
-        known = f"use one of: {', '.join(benchmarks())}, {ALL}"
-        raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
+        where, known = "" if has_lab() else _INSTALLED, (*benchmarks(), ALL)
+        raise ConfigError(
+            [Problem("hil bench", f"no benchmark {each!r}{where}", nearest(each, known)) for each in unknown]
+        )
     if name == ALL:
         if json is not None or settings:
             raise ConfigError.at("hil bench all", "takes neither --json nor --set", "name one benchmark")

@@ -27,11 +27,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from hil.config import load_bench
+from hil.config.layers import parse_setting
 from hil.config.saved import resolved_data
 from hil.data_set_files import MANIFEST
 from hil.run_files import BENCH_NAME
 from signals.documents.validate import nearest
-from signals.documents.yaml_lines import read_yaml
+from signals.documents.yaml_lines import dotted, read_yaml
 from signals.errors import ConfigError, Problem, RecordingError, file_errors
 from sim.frame.quality import QUALITIES as LEVELS
 from sim.scene.map_section import GeneratedMap
@@ -45,6 +46,7 @@ QUALITIES = ("medium", "low", "medium", "high")
 MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
 _OF_SERIES = ("randomize.people.count", "randomize.objects.count", "sensors.front.resolution")  # by default the bench's
 _FLIGHT_FAILED = 3  # status of `hil dataset`
+_NOT_KNOWN = object()
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
 
 
@@ -147,7 +149,8 @@ def make_data_sets(
     plans = series.plans()
     settings = [[*plan.settings(), *series.settings()] for plan in plans]  # names a wrong scene before a folder is made
     complete = [(p, texts) for p, texts in zip(plans, settings, strict=True) if _is_complete(out / p.name)]
-    if others := [problem for p, texts in complete for problem in _differences(p, out / p.name, series.frames, texts)]:
+    own = _of_series(series) if complete else {}
+    if others := [problem for p, texts in complete for problem in _differences(p, out / p.name, own, texts)]:
         raise ConfigError(others)
     with file_errors(out, "cannot be made"):
         out.mkdir(parents=True, exist_ok=True)
@@ -202,25 +205,38 @@ def _is_complete(folder: Path) -> bool:
         return False
 
 
-def _differences(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> Iterator[Problem]:
-    """Yield the first value with which a complete data set was made, and that the series has otherwise."""
-    facts = json.loads((folder / MANIFEST).read_text()).get("made_from", {})
-    texts = (*settings, f"quality={plan.quality}")
-    wanted = resolved_data(load_bench(BENCH, seed=plan.seed, settings=texts, flown=False).config)
+def _of_series(series: DataSetSeries) -> dict[str, Any]:
+    """Return what all data sets of a series have in common by dotted key, also where the bench file gives it."""
+    config = load_bench(BENCH, seed=series.first_seed, settings=series.settings(), flown=False).config
+    data = resolved_data(config)
+    return {"frames": series.frames} | {key: _at(data, key) for key in _OF_SERIES}
+
+
+def _differences(plan: DataSetPlan, folder: Path, own: dict[str, Any], settings: Sequence[str]) -> Iterator[Problem]:
+    """Yield the first value with which a complete data set was made, and that the series has otherwise.
+
+    `own`: the values of the series. No bench is resolved here, which takes a second: a series has hundreds of sets.
+    """
     bench = read_yaml(folder / BENCH_NAME).data
-    keys = ("seed", "quality", *_OF_SERIES, *(text.partition("=")[0] for text in settings))
+    manifest = json.loads((folder / MANIFEST).read_text())
+    wanted: dict[str, Any] = {"seed": plan.seed, "quality": plan.quality}
+    for place, value, _ in map(parse_setting, settings):
+        wanted[dotted(place)] = value
     # The scene is a part of the folder's name: a data set names its own copy.
-    pairs = [(key, _at(bench, key), _at(wanted, key)) for key in keys if key != "scene"]
-    pairs.append(("frames", facts.get("frames"), frames))
-    for key, was, now in pairs:
-        if was != now:
+    for key, now in (wanted | own).items():
+        was = _at(manifest, "made_from.frames") if key == "frames" else _at(bench, key)
+        if key != "scene" and was not in (now, _NOT_KNOWN):
             hint = "name another folder with --out, or remove this one"
             yield Problem(str(folder), f"holds a data set with another {key}: {was}, not {now}", hint)
             return
 
 
 def _at(data: Any, key: str) -> Any:
-    """Return the value of a dotted key; None without it."""
+    """Return the value of a dotted key: None below what is off, _NOT_KNOWN where a file of an older bench lacks it."""
     for word in key.split("."):
-        data = data.get(word) if isinstance(data, dict) else None
+        if not isinstance(data, dict):
+            return None
+        if word not in data:
+            return _NOT_KNOWN
+        data = data[word]
     return data

@@ -18,11 +18,12 @@ from hil.apps.campaign.command import CampaignOptions
 from hil.apps.campaign.find.command import SearchOptions, ShrinkOptions
 from hil.apps.detect.data_sets import DataSetSeries
 from hil.apps.detect.training.settings import Settings
-from hil.cli.app import run_command_line
+from hil.cli import commands
+from hil.cli.app import app, run_command_line
 from hil.cli.commands import add_commands
 from hil.cli.live import airsim
 from hil.cli.offline import campaign
-from hil.cli.offline.detect import data, train
+from hil.cli.offline.detect import data, detect, train
 from hil.cli.options import QuietOption, options_of, takes
 from tests.worlds.patience import PATIENCE_S
 
@@ -92,6 +93,7 @@ def test_a_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     for name, text in {
         "__init__": "",
         "options": "x = 1\n",
+        "_shared": "x = 1\n",
         "hop": "def hop():\n    print('hopped')\n",
         "group": "import typer\n\ngroup = typer.Typer()\n\n\n@group.command()\ndef a():\n    print('a of group')\n\n\n"
         "@group.command()\ndef b():\n    pass\n",
@@ -103,6 +105,20 @@ def test_a_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert CliRunner().invoke(app, ["hop"]).output == "hopped\n"
     assert CliRunner().invoke(app, ["group", "a"]).output == "a of group\n"
     assert CliRunner().invoke(app, ["options"]).exit_code == 2
+    with pytest.raises(LookupError, match="no module 'hopp' in my_commands"):
+        add_commands(typer.Typer(), ["my_commands"], first=("hopp",))
+    (package / "jump.py").write_text("def jmup():\n    pass\n")
+    with pytest.raises(LookupError, match=r"my_commands\.jump has no command 'jump'"):
+        add_commands(typer.Typer(), ["my_commands"], first=("hop",))
+
+
+def test_every_shipped_file_of_a_command_is_one() -> None:
+    folder = Path(commands.__file__).parent
+    for group, where in ((app, ("live", "offline")), (detect, ("offline/detect",))):
+        files = {path.stem for name in where for path in (folder / name).iterdir() if path.suffix in (".py", "")}
+        named = {each.name or each.callback.__name__ for each in group.registered_commands if each.callback}
+        named |= {each.name for each in group.registered_groups if each.name}
+        assert {name for name in files if not name.startswith("_")} - set(commands.HELPERS) == named
 
 
 @pytest.mark.parametrize("command", ["--help", "run --help", "detect train --help"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from types import ModuleType
 from typing import Any
 
 import gymnasium
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 import hil.gym
+from hil.gym import batch
 from hil.gym.batch import Batch
 from hil.gym.task import Step
 from hil.run.sensors.frame_stages import available_ports
@@ -16,6 +19,15 @@ from signals.errors import ConfigError, HilError
 from sim.frame.source import SharedFrames
 from sim.scene.solids import solid_tree
 from sim.world_loader import load_world
+
+
+def test_a_task_of_two_words_has_the_name_of_its_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    module, kind = ModuleType("hil.gym.tasks.figure_eight"), type("FigureEightTask", (), {})
+    module.FigureEightTask = kind  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(batch, "TASKS", ["figure_eight"])
+    assert batch.task_class("figure_eight") is kind
+    assert batch.environment_id("figure_eight") == "hil/FigureEight-v0"
 
 
 def fly(env: Any, action_of: Any) -> tuple[float, dict[str, Any], bool]:

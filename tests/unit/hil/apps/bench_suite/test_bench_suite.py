@@ -26,7 +26,7 @@ def test_a_part_that_was_not_run_is_not_blamed_on_quick() -> None:
 
 
 def test_an_unknown_benchmark_names_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match="use one of: airsim, dash"):
+    with pytest.raises(ConfigError, match="known: airsim, dash"):
         suite.run_benchmarks("nonsense", json=None, quick=True, console=Console(quiet=True))
 
 
@@ -108,6 +108,39 @@ def test_a_benchmark_is_one_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert tuple(found) == tuple(sorted(INSTALLED))
 
 
+@pytest.fixture
+def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The folder `lab` of a checkout with one benchmark, `drop`."""
+    (tmp_path / "pyproject.toml").touch()
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "drop.py").write_text('TITLE = "Drop"\n')
+    monkeypatch.setattr(cases, "_CHECKOUT", tmp_path)
+    return folder
+
+
+def test_a_file_that_cannot_be_read_hinders_no_benchmark(lab: Path) -> None:
+    (lab / ".#drop.py").symlink_to("user@host.1:2")  # the lock of an editor
+    (lab / "gone.py").symlink_to("nothing.py")
+    (lab / ".fall.py").write_text('TITLE = "Hidden"\n')
+    (lab / ".old").mkdir()
+    (lab / ".old/drop.py").write_text('TITLE = "Hidden"\n')
+    (lab / "latin.py").write_bytes('TITLE = "Höhe"\n'.encode("latin-1"))
+    (lab / "folder.py").mkdir()
+    assert set(cases.benchmarks.__wrapped__()) == {"drop", *INSTALLED}
+
+
+@pytest.mark.parametrize("name", ["link", "drop"])
+def test_two_benchmarks_of_one_name_are_refused(name: str, lab: Path) -> None:
+    (lab / "more").mkdir()
+    second = lab / f"more/{name}.py"
+    second.write_text('TITLE = "Other"\n')
+    with pytest.raises(ConfigError) as refused:
+        cases.benchmarks.__wrapped__()
+    first = Path(cases.__file__).parent / "link/link.py" if name == "link" else lab / "drop.py"
+    assert f"{second}: is a second benchmark {name!r}, beside {first}" in str(refused.value)
+
+
 def test_an_installed_package_says_which_benchmarks_need_a_checkout(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -115,10 +148,13 @@ def test_an_installed_package_says_which_benchmarks_need_a_checkout(
     (tmp_path / "lab/airsim.py").touch()  # another package's: packages are installed beside each other
     monkeypatch.setattr(cases, "_CHECKOUT", tmp_path)
     monkeypatch.setattr(suite, "benchmarks", cases.benchmarks.__wrapped__)
-    with pytest.raises(ConfigError, match=r"hil bench airsim: needs a checkout .*`\.venv/bin/hil bench airsim` there"):
-        run("airsim", errors_only=True)
+    for name, hint in (("dash", "known: link, lockstep"), ("phisics", "did you mean 'physics'")):
+        words = rf"no benchmark '{name}' of this installation; a further one needs a checkout .*{hint}"
+        for named, without in ((name, ()), ("all", (name,))):
+            with pytest.raises(ConfigError, match=words):
+                run(named, errors_only=True, without=without)
     monkeypatch.setattr(suite, "_run", lambda *_, **__: BenchmarkResult([ROW], [EXACT]))
-    met, text = run("all", errors_only=True, without=("dash",))
+    met, text = run("all", errors_only=True)
     assert met
     assert "left out: lab/, which needs a checkout" in text
     assert [name for name in cases.benchmarks() if f"hil bench {name} " in text] == sorted(INSTALLED)

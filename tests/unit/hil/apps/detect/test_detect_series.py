@@ -12,11 +12,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from hil.apps.detect import data_sets
 from hil.apps.detect.data_sets import BENCH, DataSetSeries, make_data_sets
 from hil.config import load_bench
 from hil.config.saved import resolved_yaml
 from hil.data_set_files import MANIFEST
 from hil.run_files import BENCH_NAME
+from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, RecordingError
 
 CLEAR = "dataset.trajectory.clear=true"
@@ -54,6 +56,45 @@ def test_a_set_that_cannot_be_made_does_not_end_the_others(monkeypatch: pytest.M
     assert sorted(path.name[:3] for path in tmp_path.iterdir()) == ["000", "001", "002"]
 
 
+def complete(series: DataSetSeries, out: Path) -> list[Path]:
+    """Write what a data set of a series is known by, for each of them, and return their folders."""
+    folders = [out / plan.name for plan in series.plans()]
+    for plan, folder in zip(series.plans(), folders, strict=True):
+        folder.mkdir()
+        (folder / MANIFEST).write_text(json.dumps({"complete": True, "made_from": {"frames": series.frames}}))
+        settings = (*plan.settings(), f"quality={plan.quality}")
+        bench = load_bench(BENCH, seed=plan.seed, settings=settings, flown=False)
+        (folder / BENCH_NAME).write_text(resolved_yaml(bench.config))
+    return folders
+
+
+def test_complete_sets_are_compared_without_a_bench_for_each(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two hundred complete sets were three minutes of silence."""
+    folders = complete(SERIES, tmp_path)
+    loaded: list[object] = []
+
+    def load(*arguments: Any, **named: Any) -> Any:
+        loaded.append(arguments)
+        return load_bench(*arguments, **named)
+
+    monkeypatch.setattr(data_sets, "load_bench", load)
+    assert make_data_sets(tmp_path, Console(quiet=True), SERIES, quiet=True) == folders
+    assert len(loaded) == 1
+
+
+def test_what_an_older_set_does_not_tell_is_no_difference(tmp_path: Path) -> None:
+    series = replace(SERIES, sets=1)
+    (folder,) = complete(series, tmp_path)
+    (folder / MANIFEST).write_text('{"complete": true}')
+    data = read_yaml(folder / BENCH_NAME).data
+    del data["randomize"]["people"]["count"], data["dataset"]["trajectory"]["side_m"]
+    (folder / BENCH_NAME).write_text(dump_yaml(data))
+    assert make_data_sets(tmp_path, Console(quiet=True), series, quiet=True) == [folder]
+    del data["randomize"], data["sensors"]
+    (folder / BENCH_NAME).write_text(dump_yaml(data))
+    assert make_data_sets(tmp_path, Console(quiet=True), series, quiet=True) == [folder]
+
+
 @pytest.mark.parametrize(
     ("other", "words"),
     [
@@ -68,13 +109,7 @@ def test_a_set_that_cannot_be_made_does_not_end_the_others(monkeypatch: pytest.M
 def test_complete_sets_of_another_series_are_no_result(other: dict[str, Any], words: str, tmp_path: Path) -> None:
     """A test of seeds that were never used was made of the pictures of a training in the same folder."""
     series = replace(SERIES, sets=1)
-    (plan,) = series.plans()
-    folder = tmp_path / plan.name
-    folder.mkdir()
-    (folder / MANIFEST).write_text(json.dumps({"complete": True, "made_from": {"frames": series.frames}}))
-    settings = (*plan.settings(), f"quality={plan.quality}")
-    bench = load_bench(BENCH, seed=plan.seed, settings=settings, flown=False)
-    (folder / BENCH_NAME).write_text(resolved_yaml(bench.config))
+    (folder,) = complete(series, tmp_path)
     if not words:
         assert make_data_sets(tmp_path, Console(quiet=True), series, quiet=True) == [folder]
         return
