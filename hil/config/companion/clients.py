@@ -64,12 +64,11 @@ def _specs(module: str) -> list[ModuleSpec]:
     given = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
     path: list[str] | None = [os.getcwd(), str(CLIENT_PATH), *given, *sys.path]
     specs: list[ModuleSpec] = []
-    words = module.split(".")
-    for i in range(len(words)):
-        name = ".".join(words[: i + 1])
-        spec = None if path is None else PathFinder.find_spec(name, path)
-        if spec is None and i == 0:  # a hook of an editable installation may know it
-            spec = _installed(name)
+    for word in module.split("."):
+        # By its last word alone: for a folder of a namespace package, a whole name looks up an imported parent.
+        spec = None if path is None else PathFinder.find_spec(word, path)
+        if spec is None and not specs:  # a hook of an editable installation may know it
+            spec = _installed(word)
         if spec is None:
             return []
         specs.append(spec)
