@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil.config.bench import Bench
-from hil.config.checks.search_checks import missing_object_problems
 from hil.config.files import bench_file, default_bench, is_rig
 from hil.config.loading import BenchLoading
 from hil.config.vehicles.resolve import lone_vehicle_problems, with_vehicles
@@ -39,9 +38,7 @@ def load_bench(
         if path is not None and file is not None and is_rig(file):
             options, file = {"rig": str(file), **options}, None  # defaults on that rig
         loading = BenchLoading(file, options, settings)
-        bench = loading.bench()
-        if flown and (problems := _missing(bench, loading)):
-            raise ConfigError(problems)
+        bench = loading.bench(flown=flown)
         if bench.config.vehicles:
             return with_vehicles(bench, loading, flown=flown)
         if problems := lone_vehicle_problems(bench, loading):
@@ -57,13 +54,3 @@ def _shortened(problems: list[Problem]) -> list[Problem]:
     if excess <= 0:
         return problems
     return [*problems[:MAX_PROBLEMS], Problem("and", f"{excess} more problems")]
-
-
-def _missing(bench: Bench, loading: BenchLoading) -> list[Problem]:
-    """Report what a flight needs besides its files."""
-    problems = missing_object_problems(bench.config, bench.scene, loading.settings)
-    if not bench.config.companion.start:
-        return problems
-    from hil.config.checks.companion_checks import missing_client_problems  # loads ZeroMQ
-
-    return problems + missing_client_problems(bench.config, loading.settings)

@@ -20,7 +20,7 @@ from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
-from hil.config.checks.search_checks import search_problems
+from hil.config.checks.search_checks import missing_object_problems, search_problems
 from hil.config.checks.sky_checks import almanac_problems
 from hil.config.files import available, find, is_bare
 from hil.config.formation import shifted_mission
@@ -284,8 +284,8 @@ class BenchLoading:
             else:
                 self.problems.append(at(self.settings, place, f"names a file that does not exist: {name}"))
 
-    def bench(self) -> Bench:
-        """Build the bench. Raises ConfigError with every problem found."""
+    def bench(self, *, flown: bool) -> Bench:
+        """Build the bench; for one that is `flown`, with what a flight needs. Raises ConfigError with every problem."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
         self._take_params_file()
@@ -331,6 +331,8 @@ class BenchLoading:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
             bench = Bench(config, vehicle, scene, mission, self.files, script)
             self.problems += flight_problems(bench, self.settings)
+            if flown and not config.vehicles:  # of several vehicles each is loaded by itself
+                self.problems += self._missing(bench)
         if script is not None:
             self.problems += mission_problems(script, mission)
             if config is not None and config.crash is None and script.script.outcome == "crashed":
@@ -347,6 +349,15 @@ class BenchLoading:
         if self.problems or bench is None:
             raise ConfigError(_in_order(self.problems))
         return bench
+
+    def _missing(self, bench: Bench) -> list[Problem]:
+        """Report what a flight needs besides its files."""
+        problems = missing_object_problems(bench.config, bench.scene, self.settings)
+        if not bench.config.companion.start:
+            return problems
+        from hil.config.checks.companion_checks import missing_client_problems  # loads ZeroMQ
+
+        return problems + missing_client_problems(bench.config, self.settings)
 
 
 def _in_order(problems: list[Problem]) -> list[Problem]:

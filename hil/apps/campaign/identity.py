@@ -1,9 +1,9 @@
 """Identity of a case: a hash of the program, the resolved bench, the files that it names, and the firmware.
 
 Two flights with the same identity have the same conditions, so one result serves both. Files are the bench's own, those
-that any text of it names, such as weights in `companion.settings`, and the Python files of clients that it starts. Left
-out is what changes no flight: recordings, who follows it, pace, the number of a simulated autopilot's instance, and
-where files lie.
+that a text of it names, such as weights in `companion.settings`, and the Python files of clients that it starts. A text
+names a file if it looks like a path: `low` is a setting, whatever lies in the current folder. Left out is what changes
+no flight: recordings, who follows it, pace, the number of a simulated autopilot's instance, and where files lie.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ from hil.config.companion.clients import source_files
 from hil.config.saved import resolved_data
 from hil.config.scenes import save_scene
 from hil.config.schema import Foxglove, Record, Ros2
+from signals.documents.document import Place
 
 _KERNELS = (signals._kernel, sim._kernels)
 _ID_BYTES = 10
+_FILES: tuple[Place, ...] = (("autopilot", "binary"), ("companion", "trace"))  # paths, whatever they look like
 
 
 @cache
@@ -66,13 +68,14 @@ def _add(digest: hashlib.blake2b, bench: Bench) -> None:
         _add(digest, vehicle)
 
 
-def _with_contents(data: Any) -> Any:
+def _with_contents(data: Any, place: Place = ()) -> Any:
     """Return settings with a hash of its content in place of every file that a text names."""
     if isinstance(data, dict):
-        return {key: _with_contents(value) for key, value in data.items()}
+        return {key: _with_contents(value, (*place, key)) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_with_contents(value) for value in data]
-    return _content(data) if isinstance(data, str) else data
+        return [_with_contents(value, (*place, index)) for index, value in enumerate(data)]
+    is_path = isinstance(data, str) and (place in _FILES or "/" in data or Path(data).suffix)
+    return _content(data) if is_path else data
 
 
 def _content(path: str) -> str:

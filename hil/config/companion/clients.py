@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
@@ -40,15 +41,23 @@ def unknown_clients(names: Iterable[str]) -> list[str]:
 
 def missing_modules(names: Iterable[str]) -> list[str]:
     """Return the modules of a user's own clients, named as MODULE:NAME, that cannot be found; imports none."""
-    modules = [name.rpartition(":")[0] for name in names if ":" in name]
-    return [module for module in modules if not _specs(module)]
+    modules, path = [name.rpartition(":")[0] for name in names if ":" in name], _search_path()
+    return [module for module in modules if not _specs(module, path)]
 
 
-def source_files(name: str) -> list[tuple[str, Path]]:
-    """Return the Python files of a user's own client by their names: of its package, or beside its module."""
-    specs = _specs(name.rpartition(":")[0])
+def source_files(name: str) -> Sequence[tuple[str, Path]]:
+    """Return the Python files of a user's own client by their names: of its package, or beside its module.
+
+    They are listed once in a process: a file that is added later is not among them.
+    """
+    return _listed(name.rpartition(":")[0], _search_path())
+
+
+@cache
+def _listed(module: str, path: tuple[str, ...]) -> Sequence[tuple[str, Path]]:
+    specs = _specs(module, path)
     if not specs:
-        return []
+        return ()
     folders = specs[0].submodule_search_locations
     if folders is not None:
         return sorted((path.relative_to(top).as_posix(), path) for top in map(Path, folders) for path in _all_in(top))
@@ -59,17 +68,21 @@ def _all_in(folder: Path) -> Iterable[Path]:
     return (path for path in folder.rglob("*.py") if path.is_file())
 
 
-def _specs(module: str) -> list[ModuleSpec]:
-    """Return what a started client would import as `a`, `a.b` ... for the module a.b...; empty if it is not found."""
+def _search_path() -> tuple[str, ...]:
+    """Return the folders in which a started client looks for its module."""
     given = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
-    path: list[str] | None = [os.getcwd(), str(CLIENT_PATH), *given, *sys.path]
+    return (os.getcwd(), str(CLIENT_PATH), *given, *sys.path)
+
+
+def _specs(module: str, folders: Sequence[str]) -> list[ModuleSpec]:
+    """Return what a started client would import as `a`, `a.b` ... for the module a.b...; empty if it is not found."""
+    path: Sequence[str] | None = folders
     specs: list[ModuleSpec] = []
-    words = module.split(".")
-    for i in range(len(words)):
-        name = ".".join(words[: i + 1])
-        spec = None if path is None else PathFinder.find_spec(name, path)
-        if spec is None and i == 0:  # a hook of an editable installation may know it
-            spec = _installed(name)
+    for word in module.split("."):
+        # By its last word alone: for a folder of a namespace package, a whole name looks up an imported parent.
+        spec = None if path is None else PathFinder.find_spec(word, path)
+        if spec is None and not specs:  # a hook of an editable installation may know it
+            spec = _installed(word)
         if spec is None:
             return []
         specs.append(spec)

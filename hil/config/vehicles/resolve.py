@@ -53,7 +53,7 @@ def with_vehicles(bench: Bench, loading: BenchLoading, *, flown: bool = True) ->
     vehicles: dict[str, Bench] = {}
     for number, (name, place) in enumerate(places.items()):
         try:
-            vehicles[name] = _vehicle(bench, loading, name, place, number, offsets.get(name))
+            vehicles[name] = _vehicle(bench, loading, name, place, number, offsets.get(name), flown=flown)
         except ConfigError as error:
             problems += error.problems
     if not problems:
@@ -110,13 +110,13 @@ def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem])
 
 
 def _vehicle(
-    bench: Bench, loading: BenchLoading, name: str, place: Place, number: int, offset_W_m: Vec3 | None
+    bench: Bench, loading: BenchLoading, name: str, place: Place, number: int, offset_W_m: Vec3 | None, *, flown: bool
 ) -> Bench:
     """Load the bench of one vehicle. Raises ConfigError."""
     overlay = SettingsPart(loading.settings, place)
     file = bench.config.vehicles[str(place[1])]
     if isinstance(file, str):
-        return _from_file(bench, loading, name, place, file)
+        return _from_file(bench, loading, name, place, file, flown=flown)
     loaded = BenchLoading(loading.path, loading.options, _general(loading), overlay=overlay, scene=bench.scene)
     settings = loaded.settings
     for key in ("count", "formation"):
@@ -135,7 +135,7 @@ def _vehicle(
         if isinstance(section, dict) and not overlay.covers(port):
             settings.set(port, _raised(section.get(port[1], default), number), settings.where(port))
     settings.set(("name",), name, settings.where(()))
-    vehicle = loaded.bench()
+    vehicle = loaded.bench(flown=flown)
     if differing := _other_world(vehicle, loaded, bench, loading):
         message = f"belongs to the whole bench, and {name} sets it to another value"
         raise ConfigError([at(settings, (key,), message, "write it at the top of the bench file") for key in differing])
@@ -181,7 +181,7 @@ def _raised(address: Any, number: int) -> Any:
     return f"{head}:{int(port) + number}" if colon else int(port) + number
 
 
-def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, file: str) -> Bench:
+def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, file: str, *, flown: bool) -> Bench:
     """Load the bench of a vehicle from a file of its own, as in the folder of a run."""
     path = next((folder / file for folder in (*loading.beside, Path()) if os.path.isfile(folder / file)), None)
     if path is None:
@@ -189,7 +189,7 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     loaded = BenchLoading(path, {}, _general(loading), scene=bench.scene)
     _merge_own_options(loaded, loading, place)
     loaded.settings.set(("name",), name, loading.settings.where(place))
-    vehicle = loaded.bench()
+    vehicle = loaded.bench(flown=flown)
     if vehicle.config.vehicles:
         raise ConfigError([at(loading.settings, place, f"names a file with several vehicles: {path}")])
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]

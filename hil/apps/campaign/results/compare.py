@@ -35,7 +35,7 @@ class Flown(NamedTuple):
     axes: Mapping[str, Any]
     margins: Mapping[str, float]
     texts: tuple[str, ...]
-    limits: Mapping[str, float]  # by the name of what they judge
+    limits: Mapping[str, float | None]  # by the name of what they judge; empty for an ERROR without a run
 
 
 class Change(NamedTuple):
@@ -191,8 +191,11 @@ def _add_pair(result: Comparison, a: Flown, b: Flown) -> None:
     if a.texts != b.texts:
         ours, theirs = (dict(text.split("=", 1) for text in side.texts) for side in (a, b))
         _tell(result, ours, theirs, "not set")
-    if a.limits != b.limits:  # wherever they were set: a second campaign with wider ones is no worse
-        ours, theirs = ({f"limit of {key}": f"{value:g}" for key, value in side.limits.items()} for side in (a, b))
+    if a.limits and b.limits:  # wherever they were set: a second campaign with wider ones is no worse
+        ours, theirs = (
+            {f"limit of {key}": f"{value:g}" for key, value in side.limits.items() if value is not None}
+            for side in (a, b)
+        )
         _tell(result, ours, theirs, "not judged")
 
 
@@ -246,7 +249,7 @@ def _cases(folder: Path) -> Iterator[Flown]:
                 status = data["status"] if data.get("flown", True) else "ERROR"
                 rows = data["limits"]
                 margins = {row["name"]: row["margin"] for row in rows if row["margin"] is not None}
-                limits = {row["name"]: row["limit"] for row in rows if row.get("limit") is not None}
+                limits = {row["name"]: row.get("limit") for row in rows}
                 yield Flown(data["case"], status, data["axes"], margins, tuple(data["set"]), limits)
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise RecordingError(f"{path}:{number}: damaged: {error}. hil campaign FILE --resume writes it anew") from error

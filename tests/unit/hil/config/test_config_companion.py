@@ -12,6 +12,7 @@ import pytest
 
 from firmware_bridge.companion.keys import make_keys
 from hil.config import Bench
+from hil.config.companion.clients import source_files
 from hil.run.companion import link
 from signals.errors import LinkClosed
 from tests.worlds import bench_files
@@ -166,6 +167,19 @@ def test_all_problems_come_at_once_and_a_valid_section_passes() -> None:
     companion = load("start: [waypoints, 'json.decoder:Cut']", "control: true", "rate_hz: 25").config.companion
     assert (companion.on, companion.expected, companion.port) == (True, 2, 5570)
     assert not load("rate_hz: 300").config.companion.on  # without clients the section is not used
+
+
+def test_a_client_in_nested_folders_without_an_init_file_is_found() -> None:
+    """The outer folder was looked up among the imported modules: KeyError."""
+    folder = Path("outer/inner")
+    folder.mkdir(parents=True)
+    for name in ("pilot.py", "helper.py"):
+        (folder / name).touch()
+    assert load("start: ['outer.inner.pilot:fly']").config.companion.on
+    found = [(name, path.resolve()) for name, path in source_files("outer.inner.pilot:fly")]
+    assert found == [(f"inner/{name}", (folder / name).resolve()) for name in ("helper.py", "pilot.py")]
+    assert "'outer.inner.nobody', which cannot be found" in problem("start: ['outer.inner.nobody:fly']")
+    assert "'outer.nobody.pilot', which cannot be found" in problem("start: ['outer.nobody.pilot:fly']")
 
 
 def test_a_started_client_has_its_own_settings_over_those_of_all(

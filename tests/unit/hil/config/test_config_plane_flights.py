@@ -70,6 +70,12 @@ def test_items_that_the_mock_would_refuse_at_the_upload(tmp_path: Path, column: 
     bench = tmp_path / "px4.yaml"
     bench.write_text(f"rig: px4_sitl\nautopilot: {{start: false}}\nmission: {mission}\n")
     assert load_bench(bench).mission is not None, "firmware that is not known here decides for itself"
+    companion = ROOT / "rigs/benches/companion_waypoints.yaml"
+    assert load_bench(companion, mission=str(mission)).mission is not None, "nothing is uploaded to it"
+    each = f"mission: {mission}\nvehicles: {{one: {{companion: {{clients: 1, control: true}}}}, two: {{TWO}}}}\n"
+    bench.write_text(each.replace("TWO", "start: {p_W: [5, 0, 0]}, mission: rigs/missions/short.waypoints"))
+    assert load_bench(bench).vehicles["one"].mission is not None
+    assert f"{mission}:5: item 3 {told}" in problems(tmp_path, each.replace("TWO", "start: {p_W: [5, 0, 0]}"))
 
 
 def test_an_autopilot_that_flies_no_planes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

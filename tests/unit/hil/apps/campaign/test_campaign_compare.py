@@ -79,6 +79,17 @@ def test_other_limits_are_told(tmp_path: Path) -> None:
     assert compare_campaigns(*folders).differences == told
 
 
+def test_an_error_without_a_run_has_no_other_limits(tmp_path: Path) -> None:
+    """A lost worker leaves no rows of limits, and each limit of its partner was told as one that it did not judge."""
+    folders = [campaign(tmp_path / name, seeds(status)) for name, status in (("a", "P"), ("b", "E"))]
+    for folder in folders:
+        row = json.loads((folder / "results.jsonl").read_text())
+        row["limits"] = [] if row["status"] == "ERROR" else [{**entry, "limit": 1.0} for entry in row["limits"]]
+        (folder / "results.jsonl").write_text(json.dumps(row) + "\n")
+    assert compare_campaigns(*folders).differences == {}
+    assert compare_campaigns(*reversed(folders)).differences == {}
+
+
 @pytest.mark.parametrize(
     ("ours", "theirs", "status", "partial", "said"),
     [

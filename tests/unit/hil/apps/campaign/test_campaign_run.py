@@ -223,6 +223,40 @@ def test_an_edited_client_is_flown_again(module: str, tmp_path: Path, monkeypatc
     assert len(set(identities)) == 4
 
 
+def test_a_setting_is_no_file_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file `mock` in the current folder took the place of the autopilot's kind."""
+    monkeypatch.chdir(tmp_path)
+    program = tmp_path / "px4"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    changes = {
+        ("companion={clients: 1, settings: {mode: low}}",): False,
+        ("companion={clients: 1, trace: answers}",): True,
+        ("rig=px4_sitl", "autopilot.binary=px4"): True,
+    }
+    for name in ("answers", "low"):
+        (tmp_path / name).write_text("1")
+
+    before = {texts: case_id(load_bench(None, settings=texts)) for texts in changes}
+    for name in ("mock", "pty", "answers", "low", "px4"):
+        with (tmp_path / name).open("a") as file:
+            file.write("# edited\n")
+    assert {texts: case_id(load_bench(None, settings=texts)) != before[texts] for texts in changes} == changes
+
+
+def test_the_package_of_a_client_is_listed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was walked again for each of thousands of cases."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pilots").mkdir()
+    (tmp_path / "pilots" / "square.py").touch()
+    walked: list[str] = []
+    rglob = Path.rglob
+    monkeypatch.setattr(Path, "rglob", lambda folder, files: walked.append(folder.name) or rglob(folder, files))
+    for seed in range(3):
+        case_id(load_bench(None, settings=["companion={start: ['pilots.square:fly']}", f"seed={seed}"]))
+    assert walked.count("pilots") == 1
+
+
 def test_a_share_of_the_cases_is_chosen_by_their_identity() -> None:
     cases = [f"{i * 2654435761 % 2**32:020x}" for i in range(20_000)]
     for share in (0.0, 0.02, 1.0):

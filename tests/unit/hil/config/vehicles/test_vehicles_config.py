@@ -48,6 +48,28 @@ vehicles:
     assert lead.scene is second.scene
 
 
+def test_what_a_flight_needs_is_asked_of_each_vehicle(tmp_path):
+    """Only the keys of the whole bench were looked at: one whose client cannot be found was "ok"."""
+    one = "companion: {start: ['nope.nope:X'], control: true}"
+    text = f"vehicles:\n  one: {{{one}}}\n  two: {{start: {{p_W: [5, 0, 0]}}}}\n"
+    message = "companion.start names a client of the module 'nope.nope', which cannot be found"
+    assert f"bench.yaml:4: {message}" in problems(tmp_path, text)
+    assert list(load_bench(tmp_path / "bench.yaml", flown=False).vehicles) == ["one", "two"]
+    (tmp_path / "one.yaml").write_text(f"rig: mock\n{one}\n")
+    file = text.replace(f"{{{one}}}", "one.yaml")
+    assert f"one.yaml:2: {message}" in problems(tmp_path, file)
+    search = "search: {label: car, camera: cam}, companion: {clients: 1, control: true}"
+    search += ", sensors: {cam: {kind: camera, resolution: [64, 48], rate_hz: 5, fov_deg: 60}}"
+    found = problems(tmp_path, text.replace(one, search))
+    assert "bench.yaml:4: search.label is 'car', of which the scene 'airfield' has no object" in found
+    # A key of the whole bench that every vehicle replaces is nobody's, and one that no vehicle replaces is told once.
+    both = f"{one}\nvehicles: {{one: {{NONE}}, two: {{start: {{p_W: [5, 0, 0]}}NONE}}}}\n"
+    none = "companion: {start: []}"
+    assert problems(tmp_path, both.replace("NONE", "")).count(message) == 1
+    replaced = both.replace("{NONE", f"{{{none}").replace("NONE", f", {none}").replace(", control: true", "")
+    assert list(load(tmp_path, replaced).vehicles) == ["one", "two"]
+
+
 def test_a_rig_of_one_vehicle_cannot_change_the_world(tmp_path):
     own = "weather: {visibility_m: 200}\nrandomize: {light: true}\nscene: city_park\nmap_seed: 4\n"
     (tmp_path / "own.yaml").write_text("autopilot: {kind: mock}\n" + own)
