@@ -25,9 +25,8 @@ from signals.documents.validate import nearest
 from signals.errors import ConfigError
 from sim._kernels import cruise_flights
 
-TASKS = [
-    module.name for module in iter_modules(tasks.__path__)
-]  # each file is a task: the class MyNameTask in my_name.py
+# Each file is a task: the class MyNameTask in my_name.py.
+TASKS = [module.name for module in iter_modules(tasks.__path__)]
 
 _FLIES: Ends = np.ones(1, np.bool_)  # of a batch of one
 

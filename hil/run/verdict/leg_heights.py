@@ -29,7 +29,7 @@ class LegHeights:
         """
         self._fly = fly
         self.settle_m = _settle_distances_m(fly, reaches_m, landings)
-        self._bands_m = bands_m(fly, [0.0] * len(fly), [True] * len(fly))
+        self._bands_m = [(min(leg.start_W[2], leg.end_W[2]), max(leg.start_W[2], leg.end_W[2])) for leg in fly]
         self._directions = [_direction(leg) for leg in fly]
 
     def off_m(self, target: int, p_WB: Vec3) -> float | None:
@@ -62,8 +62,8 @@ def bands_m(fly: Sequence[Leg], reaches_m: Sequence[float], judged: Sequence[boo
         heights_m = [leg.start_W[2], leg.end_W[2]]
         k, left_m = i - 1, reaches_m[i - 1] if i else 0.0
         while k >= 0 and left_m > 0.0 and judged[k] and fly[k].end_W == fly[k + 1].start_W:
-            (*_, low), (*_, high), length_m = fly[k].start_W, fly[k].end_W, leg_length_m(fly[k])
-            heights_m.append(high + min(left_m / max(length_m, LEVEL_M), 1.0) * (low - high))
+            (*_, start_m), (*_, end_m), length_m = fly[k].start_W, fly[k].end_W, leg_length_m(fly[k])
+            heights_m.append(end_m + min(left_m / max(length_m, LEVEL_M), 1.0) * (start_m - end_m))
             k, left_m = k - 1, left_m - length_m
         bands.append((min(heights_m), max(heights_m)))
     return bands
