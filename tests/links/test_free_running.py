@@ -29,6 +29,7 @@ from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError
 from signals.samples import RangeSample
+from signals.time import NS_PER_S
 from tests.worlds.hitl_board import HitlBoard
 from tests.worlds.patience import PATIENCE_S, PATIENT, expect_silence
 from tests.worlds.resting_vehicle import GPS, IMU, Drive
@@ -203,12 +204,15 @@ def test_a_board_that_stays_unplugged_is_named(
 # -- silent ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_board_that_falls_silent_is_named(board: Boards, drive: Drives) -> None:
+@pytest.mark.parametrize("older_s", [0.0, 0.3])
+def test_a_board_that_falls_silent_is_named(board: Boards, drive: Drives, older_s: float) -> None:
+    """Also if its last command was older than its last message."""
     far = board()
     driven = drive(far)
     driven.run(50)
     far.tap.mute.add("all")
     expect_silence(driven.link, 1.0)
+    driven.link._commanded_ns -= int(older_s * NS_PER_S)
     with pytest.raises(LinkError, match=r"no message has come for \d+\.\d s") as caught:
         driven.run(5000)
     assert caught.value.cause == "silent"

@@ -127,12 +127,14 @@ class FreeRunningLink(RealtimeLink):
         return True
 
     def _check_silence(self, now_ns: int) -> None:
-        if now_ns - self._received_ns > self._silence_limit_ns:
-            said = f"no message has come for {(now_ns - self._received_ns) / NS_PER_S:.1f} s"
+        silent_ns = now_ns - self._received_ns
+        if silent_ns > self._silence_limit_ns:
+            said = f"no message has come for {silent_ns / NS_PER_S:.1f} s"
             if self._process is not None:
                 said += "; its process still runs" if self._process.running() else f"; {self._process.describe_end()}"
             raise LinkError(self.name, f"{said}. Is it hung, or was the flight terminated? Restart it", cause="silent")
-        if now_ns - self._commanded_ns > self._silence_limit_ns:
+        alive = silent_ns < self._silence_limit_ns // 2  # else the last command was older than the last message
+        if alive and now_ns - self._commanded_ns > self._silence_limit_ns:
             raise HandshakeError(
                 self.name,
                 f"messages come, but no HIL_ACTUATOR_CONTROLS for {self._silence_limit_ns / NS_PER_S:g} s: is "
