@@ -257,8 +257,8 @@ class ExternalAhrsLink(RealtimeLink):
                 "(ArduPilot stands still while no IMU packets reach it)",
                 cause="silent",
             )
-        alive = silent_ns < self._silence_limit_ns // 2
-        if alive and now_ns - max(self._commanded_ns, started_ns) > self._silence_limit_ns:
+        uncommanded_ns = now_ns - max(self._commanded_ns, started_ns)
+        if self._still_hears(now_ns) and uncommanded_ns > self._silence_limit_ns:
             raise HandshakeError(self._mavlink.name, self._no_outputs(), cause="no_controls")
 
     def _no_mavlink(self) -> str:

@@ -133,8 +133,7 @@ class FreeRunningLink(RealtimeLink):
             if self._process is not None:
                 said += "; its process still runs" if self._process.running() else f"; {self._process.describe_end()}"
             raise LinkError(self.name, f"{said}. Is it hung, or was the flight terminated? Restart it", cause="silent")
-        alive = silent_ns < self._silence_limit_ns // 2  # else the last command was older than the last message
-        if alive and now_ns - self._commanded_ns > self._silence_limit_ns:
+        if self._still_hears(now_ns) and now_ns - self._commanded_ns > self._silence_limit_ns:
             raise HandshakeError(
                 self.name,
                 f"messages come, but no HIL_ACTUATOR_CONTROLS for {self._silence_limit_ns / NS_PER_S:g} s: is "

@@ -120,6 +120,14 @@ class RealtimeLink(AutopilotLink):
         """Raise a named LinkError if no command has come for too long. Called at a tick without one."""
         raise NotImplementedError
 
+    def _still_hears(self, now_ns: int) -> bool:
+        """Return True while messages come.
+
+        Of a board that stopped, the last command may be older than the last message: it is silent, and not one that
+        sends no commands.
+        """
+        return now_ns - self._received_ns < self._silence_limit_ns // 2
+
     # ---- the tick
 
     def _parsers(self) -> Sequence[FrameParser]:
