@@ -38,6 +38,7 @@ from hil.apps.dataset.storage.tree import (
     Written,
 )
 from hil.data_set_files import IMAGE_SETS, IMAGES, MANIFEST
+from hil.run.parts.judges.echoes import no_return
 from hil.run_files import MCAP_NAME
 from signals.channels import CHANNELS
 from signals.errors import RecordingError
@@ -102,8 +103,8 @@ def finish(
     catalogue: Catalogue,
     files: Iterable[Written],
     made_from: Mapping[str, Any],
-) -> None:
-    """Write the remaining files, complete the recording and delete the work folder.
+) -> DatasetCounts:
+    """Write the remaining files, complete the recording and delete the work folder. Return the totals.
 
     `files` were written before the first frame; `made_from` is the result of `storage.manifest.provenance`. Raises
     RecordingError.
@@ -155,6 +156,7 @@ def finish(
         },
     )
     shutil.rmtree(root / WORK, ignore_errors=True)
+    return counts
 
 
 def _instances(plan: DatasetPlan) -> dict[str, int]:
@@ -280,9 +282,10 @@ def _preview_picture(root: Path, path: str) -> tuple[str, str, bytes]:
     return f"{sensor}: {_TITLES[key]}", kind, (root / path).read_bytes()
 
 
-def silent_sensors(plan: DatasetPlan, tables: Tables, records: Sequence[BatchRecord]) -> list[str]:
+def silent_sensors(
+    plan: DatasetPlan, counts: DatasetCounts, tables: Tables, records: Sequence[BatchRecord]
+) -> list[str]:
     """Describe the sensors of which the data set holds no sample, and the LiDARs without a point in any."""
-    counts = DatasetCounts.sum_of(records)
     silent = (name for name in plan.config.sensors if not _samples_of(name, plan, counts, tables))
     seconds = (counts.frame_t_ns[-1] - counts.frame_t_ns[0]) / NS_PER_S
     told = [
@@ -294,8 +297,7 @@ def silent_sensors(plan: DatasetPlan, tables: Tables, records: Sequence[BatchRec
         folder = f"{ROOT}/{plan.folder(name)}/data/"
         sizes = [file.size for record in records for file in record.files if file.path.startswith(folder)]
         if sizes and not any(sizes):
-            why = "look where it points (mount_rpy_deg), and at its min_range_m and max_range_m"
-            told.append(f"{name} has no return in any of {len(sizes)} sweeps: {why}")
+            told.append(f"{name} has {no_return(len(sizes))}")
     return told
 
 

@@ -160,7 +160,7 @@ class _DatasetMaker:
             flights = fly_for_frames(plan, on_batch)
             pipeline.finish()
             catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
-            finish(plan, store, pipeline.records, catalogue=catalogue, files=files, made_from=self.made_from)
+            counts = finish(plan, store, pipeline.records, catalogue=catalogue, files=files, made_from=self.made_from)
             store.checkpoints.finish()
         except BaseException:
             pipeline.abandon()
@@ -173,6 +173,6 @@ class _DatasetMaker:
         objects = None if plan.labelled is None else labelled
         wall_s = time.monotonic() - self.began_s
         warnings = [f"not in the data set: {one.text}" for one in flights.unmet or ()]
-        warnings += silent_sensors(plan, store.tables, pipeline.records) + enclosed.warnings()
+        warnings += silent_sensors(plan, counts, store.tables, pipeline.records) + enclosed.warnings()
         told = warnings, enclosed.problems()
         return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, wall_s, objects, *told)

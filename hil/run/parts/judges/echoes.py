@@ -15,6 +15,12 @@ def clipping(clipped: int, samples: int) -> str:
     return f"the converter clipped {clipped / samples:.0%} of the samples, so that ranges and speeds are false"
 
 
+def no_return(sweeps: int) -> str:
+    """Return that no ray of a LiDAR came back, in words."""
+    why = "look where it points (mount_rpy_deg), and at its min_range_m and max_range_m"
+    return f"no return in any of {sweeps} sweeps: {why}"
+
+
 class EchoesPart(Part):
     name = "echoes"
 
@@ -28,8 +34,7 @@ class EchoesPart(Part):
                 run.say("warning", f"radar {name}: {told}: lower conversion_gain_db")
         for name, lidar in run.sensors.lidars.items():
             if lidar.sweeps and not lidar.returns:
-                why = "look where it points (mount_rpy_deg), and at its min_range_m and max_range_m"
-                run.say("warning", f"lidar {name}: no return in any of {lidar.sweeps} sweeps: {why}")
+                run.say("warning", f"lidar {name}: {no_return(lidar.sweeps)}")
 
 
 def make(bench: Bench) -> Part:  # noqa: ARG001
