@@ -133,9 +133,7 @@ def _errors(folder: Path, result: BenchmarkResult, status: ShowStatus) -> float:
         status("the radar's exact sum")
         error, tolerance = radar_error(plan)
     result.checks += [
-        Check(
-            ": ".join(["files that differ with one worker and with two", *differing]), len(differing), "<=", 0, "files"
-        ),
+        Check(", ".join(["files that differ with one worker and with two", *differing]), len(differing), "<=", 0, ""),
         Check(f"pixels by which {boxes} boxes miss the masks", miss_px, "<=", 0, "px"),
         Check("radar frame against the exact sum", error, "<=", tolerance, "relative"),
     ]
