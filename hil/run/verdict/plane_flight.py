@@ -9,7 +9,7 @@ reached             Waypoints count in order. One is reached when the true posit
 max_cross_track_m   Greatest horizontal distance from the path that a plane can fly through the waypoints
                     (`flyable_path.py`), from the first waypoint reached to the last, and on the approach
 altitude_error_m    Greatest distance of z from the heights between the ends of the leg being flown (and those of the
-                    one before, as far as the count is ahead), if both slope by less than `_SLOPE`
+                    legs before it, as far as the count is ahead), if it and the one before slope by less than `_SLOPE`
 airspeed_margin     Least airspeed over the stall speed at the load of the bank, V / (V_stall / sqrt(cos bank)), while
                     higher than 5 m over the start. 1 is the stall
 stalled_s           Time with an angle of attack beyond that of the stall, upright or inverted, while higher than 5 m
