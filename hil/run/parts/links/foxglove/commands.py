@@ -74,11 +74,10 @@ class Commands:
             command.done.set()
 
     def show(self, values: Mapping[str, Any]) -> None:
-        """Set the parameters' values, and send those that changed to the clients."""
-        changed = {name: value for name, value in values.items() if self._values[name] != value}
-        self._values.update(changed)
-        if changed:
-            self._server.parameters(self._parameters(changed))
+        """Set the parameters' values, and let the clients get them if one has changed."""
+        if any(self._values[name] != value for name, value in values.items()):
+            self._values.update(values)
+            self._server.parameters_changed()
 
     def close(self) -> None:
         """Refuse whatever still waits: the run is over."""
@@ -108,7 +107,10 @@ class Commands:
         return self._parameters({name: self._values[name] for name in names or self._values if name in self._values})
 
     def on_set_parameters(self, client: Any, parameters: Sequence[Any], request_id: str | None = None) -> list[Any]:  # noqa: ARG002
-        """Check the values and queue them. Return all parameters: with the new values, or unchanged where refused."""
+        """Check the values and queue them. Return all parameters: with the new values, or unchanged where refused.
+
+        The SDK sends them to the clients that subscribed to parameters.
+        """
         for parameter in parameters:
             try:
                 kind, message, value = _parameter_command(parameter.name, parameter.get_value())

@@ -16,6 +16,7 @@ from typing import Any
 from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.schema import Foxglove
 from hil.run.parts.links.foxglove.gate import Gate, inner_addresses
+from hil.run.parts.links.foxglove.own_client import OwnClient
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, schema_text
 from hil.run.recorder.mcap.mcap_file import Block
 from signals.errors import ConfigError, LinkError, Problem
@@ -48,6 +49,7 @@ class LiveServer:
         self._context: Any = self.sdk.Context()
         self._server: Any = None
         self._gate: Gate | None = None
+        self._own_client: OwnClient | None = None
         self._channels: dict[str, Any] = {}
         self._blocks: list[Any] = []  # channel of each number given to a series of the recorder
         # Topic -> key -> newest message: for late subscribers, of the scene, mounts of sensors and the plan.
@@ -59,7 +61,7 @@ class LiveServer:
     def start(
         self, name: str, listener: Any, capabilities: Sequence[str], services: Sequence[Any], end_ns: int | None
     ) -> None:
-        """Listen, once the first topics have been offered. Raises PortBusy or PortNotFound.
+        """Listen, once the first topics have been offered. Raises LinkError, also as PortBusy and PortNotFound.
 
         `capabilities`: names of `foxglove.websocket.Capability`. `end_ns`: latest end of the run, for playback control.
         """
@@ -87,6 +89,8 @@ class LiveServer:
                 reason = error
                 continue
             self._gate = gate
+            if "Parameters" in capabilities:
+                self._own_client = OwnClient(inner)
             gate.start(inner)
             return
         gate.close(0.0)
@@ -111,6 +115,8 @@ class LiveServer:
         if last and self._gate is not None and self.serves:
             with suppress(Exception):  # the run's result matters more
                 self._gate.pass_on_last(last, self.status, _STOP_S)
+        if self._own_client is not None:
+            self._own_client.close()
         with self._lock:
             server, self._server = self._server, None
         if server is not None:
@@ -163,10 +169,10 @@ class LiveServer:
         if self._server is not None:
             self._server.publish_status(text, getattr(self.sdk.StatusLevel, level))
 
-    def parameters(self, values: Sequence[Any]) -> None:
-        """Send changed parameters to the clients that subscribed to them."""
-        if self._server is not None:
-            self._server.publish_parameter_values(list(values))
+    def parameters_changed(self) -> None:
+        """Let the clients that subscribed to parameters get them as `on_set_parameters` then returns them."""
+        if self._own_client is not None:
+            self._own_client.ask()
 
     def playback(self, state: Any) -> None:
         if self._server is not None:
