@@ -177,11 +177,18 @@ class Publisher:
 
     def has_reliable_subscriber(self) -> bool:
         """Return True if one of the subscriptions acknowledges what it has received."""
-        for handle in self._writer.get_matched_subscriptions():
+        for handle in self._matched_subscriptions():
             endpoint = self._writer.get_matched_subscription_data(handle)
             if endpoint is not None and endpoint.qos[Policy.Reliability] not in (None, Policy.Reliability.BestEffort):
                 return True
         return False
+
+    def _matched_subscriptions(self) -> Sequence[Any]:
+        while True:
+            try:
+                return self._writer.get_matched_subscriptions()
+            except IndexError:  # one more has come since the library counted them (cyclonedds 11.0)
+                continue
 
     def acknowledged(self, limit_s: float) -> bool:
         """Wait until all reliable subscribers have everything that was written. Return False past the limit."""

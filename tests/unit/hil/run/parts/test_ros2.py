@@ -409,6 +409,29 @@ def test_a_subscriber_that_does_not_come_is_an_error(tmp_path: Path, domain: int
     assert "a reliable subscriber of /imu is waited for, and it did not come" in result.run["error"]["message"]
 
 
+def test_a_subscriber_that_comes_while_the_library_counts_them_is_found(
+    other: ros2.Node, domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = ros2.Node(domain, "lo")
+    try:
+        publisher = node.publisher("/imu", "sensor_msgs/Imu")
+        other.subscription("/imu", "sensor_msgs/Imu")
+        until(lambda: publisher.subscribers)
+        matched = publisher._writer.get_matched_subscriptions
+        answers = iter([IndexError("invalid index"), matched()])
+
+        def get_matched_subscriptions() -> Any:
+            answer = next(answers)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        monkeypatch.setattr(publisher._writer, "get_matched_subscriptions", get_matched_subscriptions)
+        assert publisher.has_reliable_subscriber()
+    finally:
+        node.close()
+
+
 def test_a_subscriber_that_leaves_while_it_is_waited_for_is_an_error(tmp_path: Path, domain: int) -> None:
     other = ros2.Node(domain, "lo", name="other")
     reader = _keep_all(other, "/imu", "sensor_msgs/Imu")
