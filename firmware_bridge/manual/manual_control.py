@@ -38,6 +38,9 @@ _DO_SET_MODE = 176
 _COMPONENT_ARM_DISARM = 400
 _TRIES = 3
 _CUSTOM_MODE = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+# Autopilots take up these modes only once sticks have come; a button for one that is pressed before waits so long.
+_BY_STICKS = frozenset({"manual", "acro", "stabilized", "altitude", "position"})
+_LEAD_NS = NS_PER_S // 4
 
 
 class ManualEvent(NamedTuple):
@@ -105,6 +108,8 @@ class ManualControlSource:
         self._link = VehicleLink(target_sysid=target_sysid, compid=_COMPID)
         self._commands = Commands(self._link, tries=_TRIES)
         self._command_name = ""  # of the command under way
+        self._waiting = ""  # mode that is requested once the sticks have come
+        self._flying_since_ns = 0
         self._next = 0  # number of the next poll
         self._released_at_ns = 0
         self._retry_at_ns = 0
@@ -138,12 +143,14 @@ class ManualControlSource:
             if self.control is Control.FLYING:
                 self._release(t_ns, "released", "dead-man switch released: sticks centred")
         elif self.control is not Control.FLYING and not self._must_release:
-            self.control = Control.FLYING
+            self.control, self._flying_since_ns = Control.FLYING, t_ns
             self._event(t_ns, "flying", f"{self._name}: the sticks count")
         if self.control is Control.FLYING and state is not None:
             self._on_buttons(t_ns, state.pressed - self._pressed)
         self._pressed = frozenset() if state is None else state.pressed
         self._send_sticks(t_ns, state)
+        if self._waiting and t_ns - self._flying_since_ns >= _LEAD_NS:
+            self._send_mode(t_ns, self._waiting)
 
     def close(self) -> None:
         """Close the device. May be called any number of times."""
@@ -211,6 +218,7 @@ class ManualControlSource:
         self.control = Control.RELEASED
         self._released_at_ns = t_ns
         self._commands.drop()  # a pilot who has released the switch must not arm
+        self._waiting = ""
         self._event(t_ns, kind, text)
 
     # -- buttons ------------------------------------------------------------------------------------------------
@@ -223,13 +231,24 @@ class ManualControlSource:
             return
         for button, name in sorted(buttons.modes.items()):
             if button in new:
-                self._request(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+                self._event(t_ns, "button", f"mode {name} requested")
+                if name in _BY_STICKS and t_ns - self._flying_since_ns < _LEAD_NS:
+                    self._waiting = name
+                else:
+                    self._send_mode(t_ns, name)
                 return
         if buttons.arm in new:
             self._request(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
 
     def _request(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> None:
         self._event(t_ns, "button", f"{what} requested")
+        self._send(t_ns, what, command, params)
+
+    def _send_mode(self, t_ns: int, name: str) -> None:
+        self._waiting = ""
+        self._send(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+
+    def _send(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> None:
         self._command_name = what
         self._commands.send(t_ns, command, params)
 

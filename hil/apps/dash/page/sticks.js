@@ -19,8 +19,6 @@ const DEAD_ZONE = 0.08,
   KEY_DEFLECTION = 0.5,
   REQUEST_MS = 300,
   END_PX = 12; // from full deflection to the rim of a stick
-// An autopilot accepts a manual mode only after it has received stick positions.
-const MODE_REQUEST_AFTER_MS = 250;
 const L1 = 4; // index of the button
 
 export class Sticks {
@@ -119,15 +117,15 @@ export class Sticks {
     const began = held && !this.held;
     if (began) {
       this.onTake();
-      this.modeRequestAt = performance.now() + MODE_REQUEST_AFTER_MS;
+      this.modeRequestAt = performance.now();
     }
-    const sinceModeRequest = performance.now() - (this.modeRequestAt ?? Infinity);
+    const sinceModeRequest = performance.now() - (this.modeRequestAt ?? -Infinity);
     const wasActive = this.active;
     this.active = held || requesting;
     if (this.active) {
       const message = { kind: "sticks", held: true, axes: held ? axes : [0, 0, 0, 0] };
       if (requesting) message.ask = this.requested;
-      else if (held && sinceModeRequest >= 0 && sinceModeRequest < REQUEST_MS) message.ask = this.mode();
+      else if (held && sinceModeRequest < REQUEST_MS) message.ask = this.mode();
       this.send(message);
     } else if (wasActive) this.send({ kind: "sticks", held: false });
     if (held !== this.held) {

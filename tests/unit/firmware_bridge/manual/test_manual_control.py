@@ -247,6 +247,31 @@ def test_a_button_is_one_command_however_long_it_is_held(button, command, params
     assert kinds(source) == ["button", "done"]
 
 
+@pytest.mark.parametrize(("button", "sticks_before"), [(3, 8), (4, 0), (1, 0), (2, 0)])
+def test_a_mode_flown_by_sticks_is_requested_once_they_have_come_and_all_else_at_once(button, sticks_before):
+    pilot = Pilot()
+    source = ManualControlSource(pilot, buttons=BUTTONS, modes=PX4.manual_modes, rate_hz=25.0)
+    pilot.hold(False)
+    bench = Bench(source)
+    bench.run(0.2)
+    pilot.hold(True, button)
+    names = [type(m).__name__ for _, m in bench.run(0.5)]
+    assert names.count("COMMAND_LONG") == 1
+    assert names.index("COMMAND_LONG") == sticks_before
+
+
+def test_a_waiting_button_is_forgotten_when_the_switch_is_released():
+    pilot = Pilot()
+    source = ManualControlSource(pilot, buttons=BUTTONS, modes=PX4.manual_modes)
+    bench = Bench(source)
+    pilot.hold(True, 3)
+    assert commands_sent(bench.run(0.1)) == []
+    pilot.hold(False)
+    bench.run(0.1)
+    pilot.hold(True)
+    assert commands_sent(bench.run(2.0)) == []
+
+
 def test_ardupilot_modes_are_numbers_of_their_own():
     pilot, _, bench = with_buttons(modes=ARDUPILOT.manual_modes)
     pilot.hold(True, 4)
