@@ -122,7 +122,7 @@ class Sockets:
         if self._authenticator is not None:
             with suppress(zmq.ZMQError):
                 self._authenticator.stop()
-        # Waits for the lingering messages only. A socket that could not be set up is open, and `term` would wait for it.
+        # Waits for the lingering messages only: `term` would wait for a socket that could not be set up, too.
         self._context.destroy(linger=0)
 
 
