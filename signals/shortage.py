@@ -37,7 +37,7 @@ def named(error: BaseException) -> HilError | None:
 
 def shortage(error: BaseException) -> Shortage | None:
     """Return the error that names what ran out; None: nothing did, as far as one can tell."""
-    number = error.errno if isinstance(error, OSError) else None
+    number = getattr(error, "errno", None)  # of OSError, and of ZeroMQ's own
     text = " ".join(str(error).split())
     if number in _FILES:
         return OutOfFiles(f"no file descriptor is left ({text}); raise the limit, for example with `ulimit -n 1024`")

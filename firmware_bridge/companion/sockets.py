@@ -122,7 +122,8 @@ class Sockets:
         if self._authenticator is not None:
             with suppress(zmq.ZMQError):
                 self._authenticator.stop()
-        self._context.term()  # waits for the lingering messages only
+        # Waits for the lingering messages only: `term` would wait for a socket that could not be set up, too.
+        self._context.destroy(linger=0)
 
 
 class _AllowedKeys:

@@ -5,14 +5,17 @@ It has few imports, so that an error in any other import ends in one message and
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import faulthandler
 import gc
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
+from typing import NoReturn
 
 from hil.cli.status import ERROR_STATUS
 from hil.cli.streams import keep_streams
@@ -51,7 +54,7 @@ def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0.05)
 
 
-def main() -> None:
+def main() -> NoReturn:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
     # Loading the bench's modules makes some hundred thousand objects that stay, and the collector would search them
     # again and again: an eighth of a short command's time.
@@ -78,7 +81,7 @@ def main() -> None:
         defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
         status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
     _end_crashes(status)
-    sys.exit(status)
+    _leave(status)
 
 
 def _guard_crashes() -> None:
@@ -104,13 +107,26 @@ def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
 def _end_at_signals(status: int) -> None:
     """Let a signal end the process at once with this status: the command is over, only the interpreter still exits."""
 
-    def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(RuntimeError):  # the signal came within a write to it
-                stream.flush()
-        os._exit(status)
+    _handle_signals(lambda number, frame: _exit_at_once(status))  # noqa: ARG005
 
-    _handle_signals(end)
+
+def _exit_at_once(status: int) -> NoReturn:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(RuntimeError, ValueError):  # a signal came within a write to it, or it is closed
+            stream.flush()
+    os._exit(status)
+
+
+def _leave(status: int) -> NoReturn:
+    """Exit after the threads and the exit handlers, but free no objects.
+
+    That would take a fifth of a short run's time. Python has given up its signal handlers by then, so that a signal
+    would replace the status of a command that is over.
+    """
+    _end_at_signals(status)
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    _exit_at_once(status)
 
 
 def _print_error(text: str, status: int) -> int:

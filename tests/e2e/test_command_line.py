@@ -176,6 +176,27 @@ def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGTERM\n")
 
 
+def test_a_signal_after_the_command_leaves_its_status_and_threads_and_handlers_are_run() -> None:
+    code = (
+        "import atexit, os, signal, threading, time\n"
+        "from hil.cli import app, entry\n"
+        "class Late:\n"
+        "    def __del__(self, kill=os.kill, own=os.getpid(), number=signal.SIGTERM):\n"
+        "        kill(own, number)\n"  # while Python takes its modules apart
+        "late = Late()\n"
+        "atexit.register(print, 'handler')\n"
+        "def fly(arguments):\n"
+        "    threading.Thread(target=lambda: (time.sleep(0.2), print('thread'))).start()\n"
+        "    return 1\n"
+        "app.run_command_line = fly\n"
+        "entry.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "thread\nhandler\n", "")
+
+
 PASSES = ["run", "--set", "mission=", "--set", "duration_s=0.1", "--set", "record.report=false"]
 PASSES += ["--set", "autopilot.transport=loopback"]
 

@@ -10,6 +10,7 @@ import socket
 import stat
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -226,3 +227,23 @@ def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path)
         with RawClient(bind) as client:
             join(server, client)
             step(server, client, 100)
+
+
+def test_a_socket_that_cannot_be_set_up_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    raised: list[BaseException] = []
+
+    def no_descriptor(*_: object) -> None:
+        raise zmq.ZMQError(errno.EMFILE)
+
+    def open_server() -> None:
+        try:
+            CompanionServer(CompanionSettings(bind="tcp://127.0.0.1:*"), FACTS).open()
+        except zmq.ZMQError as error:
+            raised.append(error)
+
+    monkeypatch.setattr(zmq.Socket, "get_monitor_socket", no_descriptor)
+    opening = threading.Thread(target=open_server, daemon=True)  # it does not outlive the tests, should it hang
+    opening.start()
+    opening.join(PATIENCE_S)
+    assert not opening.is_alive()
+    assert [error.errno for error in raised if isinstance(error, zmq.ZMQError)] == [errno.EMFILE]

@@ -17,6 +17,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -154,12 +155,13 @@ def make_data_sets(
         raise ConfigError(others)
     with file_errors(out, "cannot be made"):
         out.mkdir(parents=True, exist_ok=True)
+    commands = _Commands()
     columns = (TextColumn("data sets"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=quiet) as progress:
         task = progress.add_task("", total=len(plans))
         with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
             futures = [
-                pool.submit(_make, plan, out / plan.name, series.frames, texts)
+                pool.submit(_make, plan, out / plan.name, series.frames, texts, commands)
                 for plan, texts in zip(plans, settings, strict=True)
             ]
             failed: list[RecordingError] = []
@@ -169,6 +171,7 @@ def make_data_sets(
                 except RecordingError as error:
                     failed.append(error)
                 except BaseException:  # Ctrl-C: without it the pool makes all the rest first
+                    commands.stop()
                     pool.shutdown(cancel_futures=True)
                     raise
                 progress.advance(task)
@@ -178,7 +181,40 @@ def make_data_sets(
     return [out / p.name for p in plans]
 
 
-def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> None:
+class _Commands:
+    """Commands that run side by side until `stop`.
+
+    Ctrl-C at the terminal does not reach them: they would end with the status of a flight that failed.
+    """
+
+    def __init__(self) -> None:
+        self.stopped = False
+        self._lock = threading.Lock()
+        self._running: set[subprocess.Popen[str]] = set()
+
+    def run(self, command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+        """Run a command to its end, with what it prints. Raises RecordingError after `stop`."""
+        pipe = subprocess.PIPE
+        with self._lock:
+            if self.stopped:
+                raise RecordingError("stopped")
+            process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+            self._running.add(process)
+        with process:
+            printed, told = process.communicate()
+        with self._lock:
+            self._running.remove(process)
+        return subprocess.CompletedProcess(command, process.returncode, printed, told)
+
+    def stop(self) -> None:
+        """Let all end, and none begin."""
+        with self._lock:
+            self.stopped = True
+            for process in self._running:
+                process.terminate()
+
+
+def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str], commands: _Commands) -> None:
     """Make a data set, anew if it is incomplete; where its flight fails, once more over what is in its way."""
     if _is_complete(folder):
         return
@@ -190,8 +226,8 @@ def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str])
     for more in ([], ["--set", "dataset.trajectory.clear=true"]):
         if (folder / MANIFEST).is_file():  # nothing but a data set is deleted
             shutil.rmtree(folder)
-        process = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
-        if process.returncode != _FLIGHT_FAILED:
+        process = commands.run([*command, *more])
+        if process.returncode != _FLIGHT_FAILED or commands.stopped:
             break
     if process.returncode != 0:
         output = " ".join((process.stderr or process.stdout).split())[-400:]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zmq
 
 from signals.errors import DiskFull, HilError, OutOfFiles, OutOfMemory, RecordingError
 from signals.shortage import named, shortage
@@ -28,6 +29,7 @@ from signals.shortage import named, shortage
         (RuntimeError("can't start new thread"), OutOfMemory),
         (RuntimeError("std::bad_alloc"), OutOfMemory),
         (OSError(errno.EMFILE, "Too many open files", "autopilot.log"), OutOfFiles),
+        (zmq.ZMQError(errno.EMFILE), OutOfFiles),
         (OSError(errno.ENOSPC, "No space left on device", "a.png"), DiskFull),
         (OSError(errno.EFBIG, "File too large"), DiskFull),
     ],

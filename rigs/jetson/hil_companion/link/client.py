@@ -324,7 +324,7 @@ class Client:
         for connection in self._connections:
             connection.close(BYE_LINGER_MS)
         if self._own_context:
-            self._context.term()
+            self._context.destroy(linger=0)  # `term` would wait for a socket whose set-up was interrupted
 
     def __enter__(self) -> Client:
         return self

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +23,7 @@ from hil.data_set_files import MANIFEST
 from hil.run_files import BENCH_NAME
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, RecordingError
+from tests.worlds.patience import PATIENCE_S, until
 
 CLEAR = "dataset.trajectory.clear=true"
 SERIES = DataSetSeries(sets=3, frames=2, first_seed=1)
@@ -29,7 +33,7 @@ def made(monkeypatch: pytest.MonkeyPatch, out: Path, status: Any) -> list[list[s
     """Make the series with `status(folder, command)` in place of `hil dataset`, and return its commands."""
     commands: list[list[str]] = []
 
-    def run(command: list[str], **_: object) -> Any:
+    def run(_: object, command: list[str]) -> Any:
         folder = Path(command[command.index("--out") + 1])
         folder.mkdir(exist_ok=True)
         assert not (folder / MANIFEST).exists(), "begun anew"
@@ -37,7 +41,7 @@ def made(monkeypatch: pytest.MonkeyPatch, out: Path, status: Any) -> list[list[s
         commands.append(command)
         return SimpleNamespace(returncode=status(folder.name, command), stderr=f"error: {folder.name}", stdout="")
 
-    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setattr(data_sets._Commands, "run", run)
     make_data_sets(out, Console(quiet=True), SERIES, jobs=1, quiet=True)
     return commands
 
@@ -54,6 +58,53 @@ def test_a_set_that_cannot_be_made_does_not_end_the_others(monkeypatch: pytest.M
     with pytest.raises(RecordingError, match=r"2 of 3 data sets made\n.*000-city_park.*with status 2: error"):
         made(monkeypatch, tmp_path, lambda name, _: 2 if name.startswith("000") else 0)
     assert sorted(path.name[:3] for path in tmp_path.iterdir()) == ["000", "001", "002"]
+
+
+# In place of `hil dataset`: notes its start, and ends as that does at a signal. It does not outlive the command.
+DATASET = """
+import os, signal, sys, time
+def stop(*_):
+    sys.exit(3)
+signal.signal(signal.SIGINT, stop)
+signal.signal(signal.SIGTERM, stop)
+with open(sys.argv[1], "a") as starts:
+    print("start", file=starts)
+parent = os.getppid()
+while os.getppid() == parent:
+    time.sleep(0.02)
+"""
+SERIES_COMMAND = """
+import subprocess, sys
+from pathlib import Path
+from rich.console import Console
+from hil.apps.detect.data_sets import DataSetSeries, make_data_sets
+from hil.cli import app, entry
+
+starts, out, program = sys.argv[1:]
+begin = subprocess.Popen
+subprocess.Popen = lambda command, **options: begin([sys.executable, "-c", program, starts], **options)
+series = DataSetSeries(sets=3, frames=2, first_seed=1)
+app.run_command_line = lambda _: make_data_sets(Path(out), Console(quiet=True), series, jobs=1, quiet=True)
+entry.main()
+"""
+
+
+@pytest.mark.parametrize("by_terminal", [True, False])
+def test_a_signal_ends_the_sets_under_way_and_begins_none(by_terminal: bool, tmp_path: Path) -> None:
+    starts = tmp_path / "starts"
+    command = [sys.executable, "-c", SERIES_COMMAND, str(starts), str(tmp_path / "out"), DATASET]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as making:
+        try:
+            until(lambda: starts.exists() and starts.read_text())
+            if by_terminal:  # Ctrl-C reaches all programs of the terminal
+                os.killpg(making.pid, signal.SIGINT)
+            else:
+                making.terminate()
+            _, told = making.communicate(timeout=PATIENCE_S)
+        finally:
+            making.kill()
+    assert (making.returncode, told) == (3, f"error: stopped by {'SIGINT' if by_terminal else 'SIGTERM'}\n")
+    assert starts.read_text() == "start\n"
 
 
 def complete(series: DataSetSeries, out: Path) -> list[Path]:
