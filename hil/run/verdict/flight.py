@@ -21,7 +21,7 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
                    the descent.
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
-                   the first `SETTLE_M` do not count.
+                   the first `SETTLE_M` do not count. Of steeper legs errors of more than `GROSS_M` count.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -30,6 +30,8 @@ holds              A waypoint, or a take-off, with a time to wait was flown only
                    counts for the first of them that still lacks time: waits at one place add up.
 turns              A waypoint with a number of circles was flown only if the vehicle turned about it that often, less
                    `LESS_TURNS`, in their direction, before it reached the next one.
+speeds             Where the plan commands a speed, the vehicle is faster at most by `MARGIN_MPS`, or by
+                   `MARGIN_SHARE` of that speed (`leg_speeds.py`).
 landings           What follows a landing in the middle of the plan counts once the vehicle has come to rest on the
                    ground within reach of its place; on the way there nothing is measured against the plan.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
@@ -52,6 +54,7 @@ from hil.config.schema import Limits
 from hil.run.verdict.hold import LESS_HOLD_S, Hold
 from hil.run.verdict.landings import Landings
 from hil.run.verdict.leg_heights import LegHeights, leg_length_m
+from hil.run.verdict.leg_speeds import LegSpeeds
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
@@ -84,6 +87,7 @@ class Measurements:
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
     hold_missed: str = ""  # the first place at which the vehicle did not wait, or circle, in words
+    speed_missed: str = ""  # the first leg that the vehicle flew faster than the plan commands, in words
     landing_missed: str = ""  # the first landing in the middle of the plan that was not flown, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
@@ -105,7 +109,7 @@ class FlightMeasurement:
     ) -> None:
         """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
 
-        `whole`: what a plan has besides places is judged, too: times to wait, and landings in its middle.
+        `whole`: what a plan has besides places is judged, too: times to wait, speeds, and landings in its middle.
         """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
@@ -121,6 +125,7 @@ class FlightMeasurement:
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
         landings = Landings(legs, reach_m=landing_reach_m(limits))
         self._landings = landings if whole else Landings((), reach_m=0.0)
+        self._speeds = LegSpeeds(self._fly_legs, off_m=_margin_m(limits)) if whole else None
         self._heights = LegHeights(self._fly_legs, self._reaches_m, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -208,7 +213,7 @@ class FlightMeasurement:
         if due:
             self._landings.add(truth, self._waypoint)
         if self._airborne and self._waypoint < len(self._fly_legs) and not (due and due.get(self._waypoint)):
-            self._follow(truth.p_WB)
+            self._follow(truth)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
         if self._staying:
@@ -217,9 +222,9 @@ class FlightMeasurement:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
 
-    def _follow(self, p_WB: Vec3) -> None:
+    def _follow(self, truth: TruthState) -> None:
         """Count waypoints, and measure against the leg being flown."""
-        fly, target = self._fly_legs, self._waypoint
+        fly, target, p_WB = self._fly_legs, self._waypoint, truth.p_WB
         if target == 0 and not self._measuring and len(fly) == 1:
             self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
         if target > 0 or self._measuring:
@@ -228,6 +233,8 @@ class FlightMeasurement:
             off_m = self._heights.off_m(target, p_WB)
             if off_m is not None:
                 self._altitude_m = _greater(self._altitude_m, off_m)
+        if self._speeds is not None:
+            self._speeds.add(truth, target)
         if self._is_reached(target, p_WB):
             self._waypoint += 1
             for i in self._staying:
@@ -312,6 +319,7 @@ class FlightMeasurement:
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
             hold_missed=hold_missed,
+            speed_missed="" if self._speeds is None else self._speeds.missed,
             landing_missed=self._landings.missed(self._waypoint),
             endless_item=self._endless_item,
         )
@@ -352,7 +360,7 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
 
     At one place again, the legs before and after it meet. The waypoints of a plan that stays there have no such legs.
     """
-    margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
+    margin_m = _margin_m(limits)
     before_m, after_m = _lengths_so_far_m(fly), _lengths_so_far_m(fly[::-1])[::-1]
     found_m: list[float] = []
     for i, leg in enumerate(fly):
@@ -363,10 +371,14 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
     return found_m
 
 
+def _margin_m(limits: Limits) -> float:
+    """Return the horizontal distance [m] by which a vehicle may be off its place."""
+    return max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
+
+
 def landing_reach_m(limits: Limits) -> float:
     """Return the horizontal distance [m] from its place within which a landing in the middle of a plan counts."""
-    margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
-    return ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
+    return ACCEPTANCE_RADIUS_M + min(_margin_m(limits), UNJUDGED_M)
 
 
 def top_reach_m(climb: Leg) -> float:
@@ -420,6 +432,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(measured.take_off_missed or measured.hold_missed)
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
+    if outcome == "complete" and measured.speed_missed:
+        reasons.append(measured.speed_missed)
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []

@@ -444,6 +444,29 @@ def test_height_counts_from_five_metres_of_level_flight_on() -> None:
     )  # 0.1 m a metre, 5 m before its end; steps of 5 cm
 
 
+@pytest.mark.parametrize(
+    ("middle", "error_m"),
+    [
+        ([], None),
+        ([(40.0, 0.0, 10.2)], None),  # climbs late
+        ([(0.0, 0.0, 25.2)], None),  # climbs at once
+        ([(20.0, 0.0, 27.1)], None),  # and a little too high
+        ([(20.0, 0.0, 28.2)], 3.0),
+        ([(20.0, 0.0, 7.0)], 3.2),
+        ([(20.0, 0.0, 60.2)], 35.0),
+    ],
+)
+def test_a_steep_leg_is_flown_between_the_heights_of_its_ends(middle: list[Vec3], error_m: float | None) -> None:
+    """One that was flown at 60 m passed."""
+    top, far, end = (0.0, 0.0, 10.2), (40.0, 0.0, 25.2), (40.0, 0.0, 0.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.FLY, 1, top, top), Leg(LegKind.FLY, 2, top, far)]
+    measured = flown([*legs, Leg(LegKind.DESCENT, 3, far, end)], [HOME, top, *middle, far, end])
+    assert measured.completed
+    assert "altitude_error_m" not in measured.called_for
+    assert measured.altitude_error_m == (None if error_m is None else pytest.approx(error_m))
+    assert judge(measured, Limits()).status == ("PASS" if error_m is None else "FAIL")
+
+
 @pytest.mark.parametrize(("slope_m", "judged"), [(0.04, True), (2.9, True), (3.1, False)])
 def test_a_leg_is_level_below_a_tenth_of_its_length(slope_m: float, judged: bool) -> None:
     top, far = (0.0, 0.0, 10.2), (30.0, 0.0, 10.2 + slope_m)

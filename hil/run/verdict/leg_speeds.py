@@ -1,0 +1,57 @@
+"""The speeds over ground that a plan commands on the legs between its waypoints (`DO_CHANGE_SPEED`).
+
+An autopilot may fly slower: at corners, in climbs, in turns of its nose. It is too fast if it gets ahead of a vehicle at
+the greatest speed allowed, at any time, by more than the distance by which it may be off its place: a gust that moves it
+there is no speed. Where the plan has only now named a speed, or lowered it, it has the way to brake.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hil.config.missions.path import Leg
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
+
+MARGIN_MPS = 1.0
+MARGIN_SHARE = 0.2  # of the speed, where that is more
+BRAKE_MPS2 = 1.0  # no autopilot brakes with less
+_BRAKES_AFTER_M = 5.0  # the count is ahead of the vehicle
+
+
+class LegSpeeds:
+    """Tells whether a vehicle was faster than its plan; call `add` for every measured tick of the flight of a leg."""
+
+    def __init__(self, fly: Sequence[Leg], *, off_m: float) -> None:
+        """`off_m`: distance by which the vehicle may be off its place."""
+        self._commanded_mps = [leg.speed_mps for leg in fly]
+        self._off_m = off_m
+        self._now_mps = 0.0  # commanded for the leg being flown
+        self._brakes: tuple[Vec3, float] | None = None  # since where, and the greatest distance [m] that it takes
+        self._ahead_m = 0.0
+        self._before_ns: int | None = None
+        self.missed = ""  # the first leg that was flown too fast, in words
+
+    def add(self, truth: TruthState, target: int) -> None:
+        """Add a true state on the way to a waypoint, by its index."""
+        commanded_mps, speed_mps = self._commanded_mps[target], math.hypot(*truth.v_WB_W[:2])
+        most_mps = commanded_mps + max(MARGIN_MPS, MARGIN_SHARE * commanded_mps)
+        before_ns, self._before_ns = self._before_ns, truth.t_ns
+        if commanded_mps != self._now_mps:
+            spare_m = (speed_mps * speed_mps - commanded_mps * commanded_mps) / (2.0 * BRAKE_MPS2)
+            self._brakes = truth.p_WB, max(0.0, spare_m) + _BRAKES_AFTER_M
+            self._now_mps, self._ahead_m = commanded_mps, 0.0
+        if self._brakes is not None:
+            since_W, distance_m = self._brakes
+            if speed_mps > most_mps and math.dist(since_W, truth.p_WB) < distance_m:
+                return
+            self._brakes = None
+        if not commanded_mps or before_ns is None:
+            return
+        self._ahead_m = max(0.0, self._ahead_m + (speed_mps - most_mps) * (truth.t_ns - before_ns) / NS_PER_S)
+        if self._ahead_m > self._off_m and not self.missed:
+            self.missed = (
+                f"the vehicle flew at {speed_mps:.3g} m/s on the way to waypoint {target + 1}; the plan commands "
+                f"{commanded_mps:g} m/s, {most_mps:.3g} m/s are allowed"
+            )
