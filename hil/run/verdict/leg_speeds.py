@@ -18,6 +18,7 @@ MARGIN_MPS = 1.0
 MARGIN_SHARE = 0.2  # of the speed, where that is more
 BRAKE_MPS2 = 1.0  # no autopilot brakes with less
 _BRAKES_AFTER_M = 5.0  # the count is ahead of the vehicle
+_START_M = 3.0  # from where the first leg begins: the way there, from a start elsewhere, belongs to the take-off
 
 
 class LegSpeeds:
@@ -26,6 +27,7 @@ class LegSpeeds:
     def __init__(self, fly: Sequence[Leg], *, off_m: float) -> None:
         """`off_m`: distance by which the vehicle may be off its place."""
         self._commanded_mps = [leg.speed_mps for leg in fly]
+        self._start_W = fly[0].start_W if fly else None  # None: it has been there
         self._off_m = off_m
         self._now_mps = 0.0  # commanded for the leg being flown
         self._brakes: tuple[Vec3, float] | None = None  # since where, and the greatest distance [m] that it takes
@@ -35,6 +37,10 @@ class LegSpeeds:
 
     def add(self, truth: TruthState, target: int) -> None:
         """Add a true state on the way to a waypoint, by its index."""
+        if self._start_W is not None:
+            if target == 0 and math.dist(truth.p_WB, self._start_W) > _START_M:
+                return
+            self._start_W = None
         commanded_mps, speed_mps = self._commanded_mps[target], math.hypot(*truth.v_WB_W[:2])
         most_mps = commanded_mps + max(MARGIN_MPS, MARGIN_SHARE * commanded_mps)
         before_ns, self._before_ns = self._before_ns, truth.t_ns

@@ -29,11 +29,11 @@ def plan(speeds_mps: Sequence[float]) -> list[Leg]:
 
 def fly(
     legs: Sequence[Leg], ways: Sequence[tuple[tuple[float, float], float]], limits: Limits | None = None, *,
-    whole: bool = True,
+    whole: bool = True, home: tuple[float, float] = (0.0, 0.0),
 ) -> Measurements:  # fmt: skip
     """Climb above home, then fly through places in straight lines, at a speed [m/s] each."""
-    measurement, tick, here = FlightMeasurement(legs, limits, stride=1, whole=whole), 0, HOME
-    for there, speed_mps in [((0.0, 0.0, UP_M), 2.0), *(((x, y, UP_M), v) for (x, y), v in ways)]:
+    measurement, tick, here = FlightMeasurement(legs, limits, stride=1, whole=whole), 0, (*home, 0.0)
+    for there, speed_mps in [((*home, UP_M), 2.0), *(((x, y, UP_M), v) for (x, y), v in ways)]:
         way_m = math.dist(here, there)
         count = max(1, round(way_m / speed_mps * 1e9 / TICK_NS))
         v_W = tuple((b - a) / way_m * speed_mps for a, b in zip(here, there, strict=True))
@@ -92,6 +92,14 @@ def test_a_vehicle_brakes_after_the_command() -> None:
     again = [*braking[:2], (to_second, 3.5), (to_third, 2.0)]
     assert "at 3.5 m/s on the way to waypoint 2" in fly(legs, again).speed_missed
     assert "at 8 m/s on the way to waypoint 2" in fly(legs, at(8.0, 8.0, 2.0)).speed_missed, "it does not brake"
+
+
+def test_the_way_to_the_place_of_the_take_off_belongs_to_no_leg() -> None:
+    """From a start 40 m away, at the speed that the autopilot has before the command."""
+    legs = plan([2.0] * 3)
+    away = [leg._replace(start_W=(-40.0, 0.0, 0.0)) if leg.kind is LegKind.CLIMB else leg for leg in legs]
+    assert not fly(away, [((0.0, 0.0), 5.0), *at(2.0, 2.0, 2.0)], home=(-40.0, 0.0)).speed_missed
+    assert "waypoint 1" in fly(away, [((0.0, 0.0), 5.0), *at(4.0, 2.0, 2.0)], home=(-40.0, 0.0)).speed_missed
 
 
 def test_a_gust_within_the_limit_is_no_speed() -> None:
