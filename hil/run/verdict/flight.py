@@ -12,16 +12,17 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    meet at the waypoint, or, where that is more, than the radius plus the lesser of `REACH_MARGIN_M`
                    and an eighth of that leg. A margin above `UNJUDGED_M` reaches no further than half of its own leg,
                    and a height above it, or without a limit, no lower than half of the waypoint's height.
-max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
-                   and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
-                   neighbours. The neighbours are included because the count changes legs a little before the corner:
+max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, and from there to within reach
+                   of a landing elsewhere, between the true position and the nearest point of the leg being flown (to
+                   the next waypoint not yet reached) or its neighbours. The neighbours are included because the count changes legs a little before the corner:
                    one on each side, or more past short legs and repeated waypoints, at most `WINDOW_LEGS`. A mission of
                    a single waypoint is measured on the leg that leads to it, from the end of the climb. A plan that
                    stays over one place has no leg: the distance from that place counts, from the end of the climb to
                    the descent.
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
-                   the first `SETTLE_M` do not count. Of steeper legs errors of more than `GROSS_M` count.
+                   the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
+                   more than `GROSS_M` count.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -53,7 +54,7 @@ from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from hil.run.verdict.hold import LESS_HOLD_S, Hold
 from hil.run.verdict.landings import Landings
-from hil.run.verdict.leg_heights import LegHeights, leg_length_m
+from hil.run.verdict.leg_heights import GROSS_M, LegHeights, leg_length_m
 from hil.run.verdict.leg_speeds import LegSpeeds
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
@@ -129,6 +130,10 @@ class FlightMeasurement:
         self._heights = LegHeights(self._fly_legs, self._reaches_m, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
+        approaches = [leg.kind for leg in legs[-3:]] == [LegKind.FLY, LegKind.APPROACH, LegKind.DESCENT]
+        approaches = approaches and whole and not legs[-3].turns
+        self._approach = legs[-2] if approaches else None  # None: there is none, or it is over
+        self._landing_reach_m = landing_reach_m(limits)
         stays = all(leg_length_m(leg) <= STILL_M for leg in legs)
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
@@ -214,6 +219,8 @@ class FlightMeasurement:
             self._landings.add(truth, self._waypoint)
         if self._airborne and self._waypoint < len(self._fly_legs) and not (due and due.get(self._waypoint)):
             self._follow(truth)
+        if self._approach is not None and self._waypoint == len(self._fly_legs):
+            self._follow_approach(self._approach, truth.p_WB)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
         if self._staying:
@@ -241,6 +248,17 @@ class FlightMeasurement:
                 self._holds[i].onward |= not self._is_reached(i, fly[target].end_W)
             if target in self._holds:
                 self._staying.append(target)
+
+    def _follow_approach(self, leg: Leg, p_WB: Vec3) -> None:
+        """Measure on the way from the last waypoint to above the landing place."""
+        if math.dist(p_WB[:2], leg.end_W[:2]) <= self._landing_reach_m:
+            self._approach = None
+            return
+        distance_m = min(horizontal_distance_m(p_WB, near) for near in (leg, *self._nearby_legs[-1]))
+        self._cross_track_m = _greater(self._cross_track_m, distance_m)
+        off_m = abs(p_WB[2] - leg.end_W[2])
+        if not off_m <= GROSS_M:
+            self._altitude_m = _greater(self._altitude_m, off_m)
 
     def _stay(self, t_ns: int, p_WB: Vec3) -> None:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""

@@ -445,6 +445,25 @@ def test_height_counts_from_five_metres_of_level_flight_on() -> None:
 
 
 @pytest.mark.parametrize(
+    ("way", "reasons"),
+    [
+        ([], ()),
+        ([(30.0, 30.0, 10.2)], ("max_cross_track_m is 30 m, more than the 1 m allowed",)),
+        ([(30.0, 0.0, 7.2)], ("altitude_error_m is 3 m, more than the 0.5 m allowed",)),
+        ([(57.5, 0.0, 10.2), (57.5, 0.0, 4.0)], ()),  # comes down within reach of the place
+    ],
+)
+def test_the_way_to_a_landing_elsewhere_is_measured(way: list[Vec3], reasons: tuple[str, ...]) -> None:
+    """Behind the last waypoint a vehicle could fly anywhere."""
+    top, end = (0.0, 0.0, 10.2), (60.0, 0.0, 0.2)
+    last, above = (0.0, -20.0, 10.2), (60.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, last), Leg(LegKind.FLY, 1, last, top), Leg(LegKind.APPROACH, 2, top, above)]
+    landing = [] if len(way) > 1 else [above]
+    measured = flown([*legs, Leg(LegKind.DESCENT, 2, above, end)], [HOME, last, top, *way, *landing, end])
+    assert judge(measured, Limits()).reasons == reasons
+
+
+@pytest.mark.parametrize(
     ("middle", "error_m"),
     [
         ([], None),
