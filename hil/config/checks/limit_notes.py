@@ -13,7 +13,6 @@ from hil.config.bench import Bench
 from sim.physics.fixed_wing import is_plane
 from sim.physics.vtol import is_vtol
 
-
 _OF_A_PLAN = frozenset({"max_cross_track_m", "altitude_error_m", "final_error_m", "loiter_error_m"})
 _OF_A_RUNWAY = frozenset({"takeoff_roll_m", "landing_roll_m", "centre_line_m", "off_runway_m"})
 

@@ -12,13 +12,13 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    meet at the waypoint, or, where that is more, than the radius plus the lesser of `REACH_MARGIN_M`
                    and an eighth of that leg. A margin above `UNJUDGED_M` reaches no further than half of its own leg,
                    and a height above it, or without a limit, no lower than half of the waypoint's height.
-max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, and from there to within reach
-                   of a landing elsewhere, between the true position and the nearest point of the leg being flown (to
-                   the next waypoint not yet reached) or its neighbours. The neighbours are included because the count changes legs a little before the corner:
-                   one on each side, or more past short legs and repeated waypoints, at most `WINDOW_LEGS`. A mission of
-                   a single waypoint is measured on the leg that leads to it, from the end of the climb. A plan that
-                   stays over one place has no leg: the distance from that place counts, from the end of the climb to
-                   the descent.
+max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last and on to within reach of a
+                   landing elsewhere, between the true position and the nearest point of the leg being flown (to the
+                   next waypoint not yet reached) or its neighbours. The neighbours are included because the count
+                   changes legs a little before the corner: one on each side, or more past short legs and repeated
+                   waypoints, at most `WINDOW_LEGS`. A mission of a single waypoint is measured on the leg that leads
+                   to it, from the end of the climb. A plan that stays over one place has no leg: the distance from
+                   that place counts, from the end of the climb to the descent.
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
                    the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of

@@ -5,16 +5,16 @@ asks to land; otherwise when the run ends.
 
 outcome          reported by the client and expected by the bench, such as `goal_in_obstacle` for a goal in a building
 goal_error_m     horizontal distance from the goal when the flight was over
-height_error_m   greatest distance from the goal's height, from the end of the climb that first came within the limit of it
-                 (2 m if that is null) until the flight was over: above all houses there is nothing to find a path in
+height_error_m   greatest distance from the goal's height, from the end of the climb that first came within the limit of
+                 it (2 m if that is null) until the flight was over: over all houses there is no path to find
 clearance_m      smallest distance from the sphere that encloses the vehicle to any surface, people included, sampled
                  ten times a second from half the height of the flight on
 contacts         ticks with contact, from the first 0.3 m above the ground until the flight was over
 path_ratio       horizontal length of the path flown, divided by the length of the shortest path from start to goal that
                  keeps `min_clearance_m` on the full map (`hil.run.verdict.shortest_path`)
 
-If the bench expects an outcome other than `goal`, errors and ratio are not judged, nor is the clearance of a flight that
-never reached half its height. `goal_in_obstacle` is false where a path leads to the goal with 2 m of clearance, or
+If the bench expects an outcome other than `goal`, errors and ratio are not judged, nor is the clearance of a flight
+that never reached half its height. `goal_in_obstacle` is false where a path leads to the goal with 2 m of clearance, or
 `min_clearance_m` if that is more: clients call a goal nearer to an obstacle one in it.
 """
 

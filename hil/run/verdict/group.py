@@ -6,7 +6,7 @@ contacts           Contacts between vehicles: when, who, how fast. Judged are th
                    over: who touches a landed or fallen vehicle has hit an obstacle.
 formation_error_m  Greatest distance between a vehicle and its place in the formation. Measured from the tick at which
                    all are in the air and within the limit (`FORMED_M` if it is null), until one has reached its last
-                   waypoint, touches anything, or is lost. A vehicle that has reached more than `LATEST` of its waypoints
+                   waypoint, touches anything, or is lost. One that has reached more than `LATEST` of its waypoints
                    by then has not flown them in formation.
 """
 

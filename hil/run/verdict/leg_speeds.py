@@ -1,8 +1,8 @@
 """The speeds over ground that a plan commands on the legs between its waypoints (`DO_CHANGE_SPEED`).
 
-An autopilot may fly slower: at corners, in climbs, in turns of its nose. It is too fast if it gets ahead of a vehicle at
-the greatest speed allowed, at any time, by more than the distance by which it may be off its place: a gust that moves it
-there is no speed. Where the plan has only now named a speed, or lowered it, it has the way to brake.
+An autopilot may fly slower: at corners, in climbs, in turns of its nose. It is too fast if at any time it gets ahead of
+a vehicle at the greatest speed allowed, by more than the distance by which it may be off its place: a gust that moves
+it there is no speed. Where the plan has only now named a speed, or lowered it, it has the way to brake.
 """
 
 from __future__ import annotations

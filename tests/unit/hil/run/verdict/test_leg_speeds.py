@@ -11,7 +11,7 @@ import pytest
 from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import Limits
 from hil.run.verdict.flight import FlightMeasurement, Measurements, judge
-from signals.samples import TruthState, Vec3
+from signals.samples import TruthState
 
 TICK_NS = 40_000_000
 UP_M = 10.0
