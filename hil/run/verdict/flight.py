@@ -293,7 +293,8 @@ class FlightMeasurement:
 
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
         """Return True within reach of a waypoint, or with -1 of the take-off."""
-        dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
+        x, y, z = self._places[target].end_W
+        dx, dy, dz = p_WB[0] - x, p_WB[1] - y, p_WB[2] - z
         radius_m = self._reaches_m[target]
         return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
 

@@ -27,6 +27,7 @@ class LegSpeeds:
     def __init__(self, fly: Sequence[Leg], *, off_m: float) -> None:
         """`off_m`: distance by which the vehicle may be off its place."""
         self._commanded_mps = [leg.speed_mps for leg in fly]
+        self._most_mps = [mps + max(MARGIN_MPS, MARGIN_SHARE * mps) if mps else math.inf for mps in self._commanded_mps]
         self._start_W = fly[0].start_W if fly else None  # None: it has been there
         self._off_m = off_m
         self._now_mps = 0.0  # commanded for the leg being flown
@@ -41,21 +42,23 @@ class LegSpeeds:
             if target == 0 and math.dist(truth.p_WB, self._start_W) > _START_M:
                 return
             self._start_W = None
-        commanded_mps, speed_mps = self._commanded_mps[target], math.hypot(*truth.v_WB_W[:2])
-        most_mps = commanded_mps + max(MARGIN_MPS, MARGIN_SHARE * commanded_mps)
+        (vx, vy, _), commanded_mps, most_mps = truth.v_WB_W, self._commanded_mps[target], self._most_mps[target]
+        squared = vx * vx + vy * vy
         before_ns, self._before_ns = self._before_ns, truth.t_ns
         if commanded_mps != self._now_mps:
-            spare_m = (speed_mps * speed_mps - commanded_mps * commanded_mps) / (2.0 * BRAKE_MPS2)
+            spare_m = (squared - commanded_mps * commanded_mps) / (2.0 * BRAKE_MPS2)
             self._brakes = truth.p_WB, max(0.0, spare_m) + _BRAKES_AFTER_M
             self._now_mps, self._ahead_m = commanded_mps, 0.0
+        if squared <= most_mps * most_mps and self._ahead_m == 0.0:
+            self._brakes = None
+            return
         if self._brakes is not None:
             since_W, distance_m = self._brakes
-            if speed_mps > most_mps and math.dist(since_W, truth.p_WB) < distance_m:
+            if math.dist(since_W, truth.p_WB) < distance_m:
                 return
             self._brakes = None
-        if not commanded_mps or before_ns is None:
-            return
-        self._ahead_m = max(0.0, self._ahead_m + (speed_mps - most_mps) * (truth.t_ns - before_ns) / NS_PER_S)
+        speed_mps, elapsed_s = math.sqrt(squared), 0.0 if before_ns is None else (truth.t_ns - before_ns) / NS_PER_S
+        self._ahead_m = max(0.0, self._ahead_m + (speed_mps - most_mps) * elapsed_s)
         if self._ahead_m > self._off_m and not self.missed:
             self.missed = (
                 f"the vehicle flew at {speed_mps:.3g} m/s on the way to waypoint {target + 1}; the plan commands "
