@@ -22,7 +22,8 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
                    the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
-                   more than `GROSS_M` count.
+                   more than `GROSS_M` count. Of a wait: from the place's height, from `SETTLE_S` after the arrival to
+                   `LESS_HOLD_S` before the wait may be over.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -263,6 +264,9 @@ class FlightMeasurement:
     def _stay(self, t_ns: int, p_WB: Vec3) -> None:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""
         inside = {i for i in self._staying if self._is_reached(i, p_WB)}
+        for i in inside:
+            if self._holds[i].is_settled(t_ns):
+                self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - self._places[i].end_W[2]))
         if inside and self._stay_ns is not None:
             self._holds[min(inside)].add(t_ns - self._stay_ns)
         self._staying = [

@@ -275,6 +275,28 @@ def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: fl
 
 
 @pytest.mark.parametrize(
+    ("stays", "error_m"),
+    [
+        ([(10.2, 30.0)], 0.0),
+        ([(8.5, 6.0), (10.2, 24.0)], 0.0),  # it arrives
+        ([(10.2, 29.0), (9.0, 3.0)], 0.0),  # it leaves
+        ([(8.5, 30.0)], 1.7),
+        ([(10.2, 15.0), (10.8, 1.0), (10.2, 14.0)], 0.6),
+    ],
+)
+@pytest.mark.parametrize("hover", [True, False])
+def test_a_wait_has_the_height_of_its_place(stays: list[tuple[float, float]], error_m: float, hover: bool) -> None:
+    """A hover of 30 s, 1.7 m too low, passed: its height was bounded by the reach of the waypoint alone."""
+    here, there = (0.0, 0.0, 10.2), (0.0 if hover else 20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, here), Leg(LegKind.FLY, 1, here, there)]
+    legs.append(Leg(LegKind.DESCENT, 2, there, (*there[:2], HOME[2])))
+    flight = [(here, 1.0), (there, 0.2), *(((*there[:2], up_m), stay_s) for up_m, stay_s in stays)]
+    measured = staying(flight, legs, [30.0])
+    assert (measured.reached, measured.hold_missed) == (1, "")
+    assert measured.altitude_error_m == pytest.approx(error_m, abs=1e-9)
+
+
+@pytest.mark.parametrize(
     ("first_s", "away_s", "back_s", "missed"),
     [
         (31.0, 0.0, 0.0, "the vehicle was at waypoint 2 for 2.9 s; the plan waits there for 30 s, 28 s are enough"),
