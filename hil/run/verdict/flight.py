@@ -22,8 +22,8 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
                    the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
-                   more than `GROSS_M` count. Of a wait: from the place's height, from `SETTLE_S` after the arrival to
-                   `LESS_HOLD_S` before the wait may be over.
+                   more than `GROSS_M` count. Of a wait that was flown: the distance from the place's height, from
+                   `SETTLE_S` after the arrival until the wait may be over.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -265,8 +265,7 @@ class FlightMeasurement:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""
         inside = {i for i in self._staying if self._is_reached(i, p_WB)}
         for i in inside:
-            if self._holds[i].is_settled(t_ns):
-                self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - self._places[i].end_W[2]))
+            self._holds[i].add_height(t_ns, abs(p_WB[2] - self._places[i].end_W[2]))
         if inside and self._stay_ns is not None:
             self._holds[min(inside)].add(t_ns - self._stay_ns)
         self._staying = [
@@ -320,6 +319,10 @@ class FlightMeasurement:
         tilt_deg = None
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
+        altitude_m = self._altitude_m
+        for hold in self._holds.values():
+            if hold.off_m is not None and not hold.missed:
+                altitude_m = _greater(altitude_m, hold.off_m)
         all_reached = self._waypoint == len(self._fly_legs)
         hold_missed = next(self._missed(), "")
         return Measurements(
@@ -335,7 +338,7 @@ class FlightMeasurement:
             landed=landed,
             tipped=tilt_deg is not None and not tilt_deg <= TIPPED_DEG,
             max_cross_track_m=self._cross_track_m,
-            altitude_error_m=self._altitude_m,
+            altitude_error_m=altitude_m,
             final_error_m=final_error_m,
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
