@@ -22,8 +22,8 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
                    the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
-                   more than `GROSS_M` count. Of a wait that was flown: the distance from the place's height, from
-                   `SETTLE_S` after the arrival until the wait may be over.
+                   more than `GROSS_M` count, once they were flown to their ends. Of a wait that was flown: the
+                   distance from the place's height, from `SETTLE_S` after the arrival until the wait may be over.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -135,6 +135,8 @@ class FlightMeasurement:
         approaches = approaches and whole and not legs[-3].turns
         self._approach = legs[-2] if approaches else None  # None: there is none, or it is over
         self._landing_reach_m = landing_reach_m(limits)
+        self._approach_m: float | None = None  # greatest distance from it
+        self._steep_m: float | None = None  # greatest error of height of the present leg, if it is steep, or of it
         stays = all(leg_length_m(leg) <= STILL_M for leg in legs)
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
@@ -239,27 +241,38 @@ class FlightMeasurement:
             distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._nearby_legs[target])
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
             off_m = self._heights.off_m(target, p_WB)
-            if off_m is not None:
+            if off_m is not None and self._heights.settle_m[target] == math.inf:
+                self._steep_m = _greater(self._steep_m, off_m)
+            elif off_m is not None:
                 self._altitude_m = _greater(self._altitude_m, off_m)
         if self._speeds is not None:
             self._speeds.add(truth, target)
         if self._is_reached(target, p_WB):
             self._waypoint += 1
+            self._take_steep()
             for i in self._staying:
                 self._holds[i].onward |= not self._is_reached(i, fly[target].end_W)
             if target in self._holds:
                 self._staying.append(target)
 
     def _follow_approach(self, leg: Leg, p_WB: Vec3) -> None:
-        """Measure on the way from the last waypoint to above the landing place."""
+        """Measure on the way from the last waypoint to above the landing place; it counts once the vehicle is there."""
         if math.dist(p_WB[:2], leg.end_W[:2]) <= self._landing_reach_m:
             self._approach = None
+            if self._approach_m is not None:
+                self._cross_track_m = _greater(self._cross_track_m, self._approach_m)
+            self._take_steep()
             return
         distance_m = min(horizontal_distance_m(p_WB, near) for near in (leg, *self._nearby_legs[-1]))
-        self._cross_track_m = _greater(self._cross_track_m, distance_m)
+        self._approach_m = _greater(self._approach_m, distance_m)
         off_m = abs(p_WB[2] - leg.end_W[2])
         if not off_m <= GROSS_M:
-            self._altitude_m = _greater(self._altitude_m, off_m)
+            self._steep_m = _greater(self._steep_m, off_m)
+
+    def _take_steep(self) -> None:
+        """Let the heights of a steep leg, or of the way to a landing elsewhere, count: it was flown to its end."""
+        if self._steep_m is not None:
+            self._altitude_m, self._steep_m = _greater(self._altitude_m, self._steep_m), None
 
     def _stay(self, t_ns: int, p_WB: Vec3) -> None:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""

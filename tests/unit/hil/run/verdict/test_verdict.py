@@ -485,6 +485,19 @@ def test_the_way_to_a_landing_elsewhere_is_measured(way: list[Vec3], reasons: tu
     assert judge(measured, Limits()).reasons == reasons
 
 
+def test_a_flight_that_returns_from_a_steep_leg_or_its_end_was_not_too_high() -> None:
+    """Scripts that abort a plan let the vehicle climb for the way home, or land where it is."""
+    top, far, above = (0.0, 0.0, 10.2), (40.0, 0.0, 25.2), (90.0, 0.0, 25.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.FLY, 1, top, top), Leg(LegKind.FLY, 2, top, far)]
+    legs += [Leg(LegKind.APPROACH, 3, far, above), Leg(LegKind.DESCENT, 3, above, (90.0, 0.0, 0.2))]
+    middle, high = (20.0, 0.0, 17.7), (20.0, 0.0, 60.2)
+    returned = flown(legs, [HOME, top, middle, high, (0.0, 0.0, 60.2), HOME])
+    landed = flown(legs, [HOME, top, far, (40.0, 0.0, 0.2)])
+    assert (returned.reached, landed.reached) == (1, 2)
+    assert returned.altitude_error_m is None
+    assert landed.altitude_error_m is None
+
+
 @pytest.mark.parametrize(
     ("middle", "error_m"),
     [
