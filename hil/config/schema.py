@@ -395,6 +395,7 @@ class Goal(Section):
     p_W: tuple[Coordinate, Coordinate, Coordinate]  # [m]; z is the height of the flight
     outcome: str = AT_GOAL  # expected report of the client; another one if the goal cannot be reached
     within_m: DistanceLimit | None = 1.5
+    max_height_error_m: DistanceLimit | None = 2.0  # on the way, from its height
     min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # between the vehicle and any geometry
     # Flown length over that of the shortest path on the full map.
     max_path_ratio: Annotated[float, Field(ge=1, lt=100)] | None = 1.35

@@ -2,8 +2,8 @@
 
 1. Every point of the plan is flown unless its case is stored. One that ended as ERROR is flown again when the campaign
    is resumed.
-2. A share of the cases is flown a second time in other processes, on another node if there is one. Another digest is
-   a FLAKE.
+2. A share of the cases is flown a second time in other processes, on another node if there is one. Another digest, or
+   another verdict, is a FLAKE.
 3. Failures are flown again with recordings and a report. Flights that do not repeat were recorded from the start.
 """
 
@@ -179,6 +179,9 @@ class Campaign:
         elif outcome.digest != first.digest:
             one, two = self.out / _second(job.case, again=False), self.out / _second(job.case, again=True)
             difference = _first_difference(one, two) or f"the second flight has the digest {outcome.digest[:16]}"
+        elif outcome.status != first.status:  # such as by a client that fails after the flight
+            why = next(iter(first.reasons or outcome.reasons), "no reason given")
+            difference = f"the same flight was {first.status} and then {outcome.status}: {why}"
         self.store.put_check(job.case, outcome.digest, difference)
         shutil.rmtree(self.out / SECOND / job.case, ignore_errors=True)
 

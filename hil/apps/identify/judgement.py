@@ -31,7 +31,7 @@ def judged_pairs(fit: Fit, horizons_s: Sequence[float] = ()) -> list[tuple[Predi
 
 
 def error_ratio(pairs: Sequence[tuple[Prediction, Prediction]]) -> float:
-    """Return the geometric mean of the errors after over before; infinite if a prediction failed, NaN without any."""
+    """Return the geometric mean of the errors after over before; infinite if one after is, NaN without any before."""
     logs = []
     for before, after in pairs:
         for name in QUANTITIES:
@@ -40,6 +40,8 @@ def error_ratio(pairs: Sequence[tuple[Prediction, Prediction]]) -> float:
                 continue
             if not math.isfinite(now):
                 return math.inf
+            if was == math.inf:  # no number is as much better
+                continue
             logs.append(math.log(max(now, 1e-12) / max(was, 1e-12)))
     return math.exp(sum(logs) / len(logs)) if logs else math.nan
 

@@ -8,6 +8,7 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 from hil.cli.streams import nobody_reads
+from signals.errors import ConfigError
 
 
 def devices(
@@ -28,6 +29,11 @@ def devices(
     baud: Annotated[int, typer.Option(help="With --check and --timing: baud rate of a UART.")] = 921_600,
 ) -> None:
     """List serial ports, USB autopilots and gamepads."""
+    with exit_on_error():
+        if timing is not None and check is not None:
+            raise ConfigError.at("--timing", "cannot go with --check", "run one after the other")
+        if fix and check is None:
+            raise ConfigError.at("--fix", "corrects the board that --check names", "give its port: --check PORT")
     if timing is not None:
         from hil.apps.devices.timing_test import check_timing
 

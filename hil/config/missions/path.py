@@ -8,7 +8,15 @@ from enum import Enum
 from typing import NamedTuple
 
 from hil.config.missions.item_values import DELAY
-from hil.config.missions.mission import GLOBAL_FRAMES, JUMP, RETURN, SET_HOME, TERRAIN_FRAMES, Mission
+from hil.config.missions.mission import (
+    CHANGE_SPEED,
+    GLOBAL_FRAMES,
+    JUMP,
+    RETURN,
+    SET_HOME,
+    TERRAIN_FRAMES,
+    Mission,
+)
 from hil.config.missions.places import (
     ACCEPTING,
     LAND_COMMANDS,
@@ -47,7 +55,8 @@ class Leg(NamedTuple):
     `acceptance_radius_m` is that within which its end counts as reached, at most half of its length (but no less than
     the default): the vehicle would reach a greater one, and those of waypoints around it, without flying there.
     `wait_s` is the time that a multirotor waits at its end, with that of the delays that follow, and `turns` the number
-    of circles that it flies about it, clockwise positive.
+    of circles that it flies about it, clockwise positive. `speed_mps` is the speed that the plan commands of a
+    multirotor on the way, 0 if it leaves that to the autopilot.
     """
 
     kind: LegKind
@@ -57,6 +66,7 @@ class Leg(NamedTuple):
     acceptance_radius_m: float = ACCEPTANCE_RADIUS_M
     wait_s: float = 0.0
     turns: float = 0.0
+    speed_mps: float = 0.0
 
 
 class PlanPoint(NamedTuple):
@@ -97,6 +107,7 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
     here = home_W
     ground_m = home_W[2]
     order, endless_seq = _flown_order(mission.items)
+    speed_mps = 0.0
     waits = False  # at the end of the newest leg: after a transition, a VTOL is elsewhere
     for item in order:
         kind = item.command
@@ -119,8 +130,10 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
             radius_m = min(named_radius_m(item) or ACCEPTANCE_RADIUS_M, _greatest_radius_m(legs, here, there))
             wait_s = max(item.param1, 0.0) if kind in TIMES and item.param1 == item.param1 else 0.0
-            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, turns_of(item)))
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m, wait_s, turns_of(item), speed_mps))
             here = there
+        elif kind == CHANGE_SPEED:
+            speed_mps = _speed_mps(item)
         elif kind == SET_HOME:
             home_W = here if item.param1 == 1.0 or not (item.lat_degE7 or item.lon_degE7) else _new_home(item, frame)
         elif kind == DELAY and waits and item.param1 > 0.0:
@@ -134,6 +147,15 @@ def turns_of(item: MissionItem) -> float:
     """Return the number of circles that a loiter with turns makes, clockwise positive; without a number one."""
     turns = 1.0 if item.param1 != item.param1 else item.param1
     return math.copysign(turns, item.param3) if item.command == LOITER_TURNS else 0.0
+
+
+def _speed_mps(item: MissionItem) -> float:
+    """Return the speed after a DO_CHANGE_SPEED, 0 if it is the autopilot's own.
+
+    For a multirotor all autopilots take an airspeed (0) as one over ground (1). A speed of climb or descent (2, 3) is
+    for PX4 and the mock one over ground, too, and for ArduCopter leaves that as it was; -1 is for PX4 its own.
+    """
+    return item.param2 if item.param1 in (0.0, 1.0) and item.param2 > 0.0 else 0.0
 
 
 def named_radius_m(item: MissionItem) -> float | None:

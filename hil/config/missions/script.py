@@ -18,7 +18,7 @@ from pydantic import Field, field_validator, model_validator
 
 from firmware_bridge.ground_station.actions import Action, Effect, RunCommand, SetMode, SetParam, VehicleEvent
 from firmware_bridge.ground_station.modes import WORDS, plain_word
-from hil.config.missions.mission import Mission
+from hil.config.missions.mission import CHANGE_SPEED, Mission
 from hil.config.schema import Limits
 from signals.documents.document import Document, Place
 from signals.documents.validate import StrictModel, nearest, unit_of
@@ -272,6 +272,12 @@ class MissionScript:
             for name, value in (spec.param or {}).items()
             if spec.required
         }
+
+    @property
+    def changes_speeds(self) -> bool:
+        """True if an action changes a speed in flight, or the mode, with the speed that it has."""
+        actions = self.script.actions
+        return any(a.set_mode is not None or (a.command is not None and a.command.id == CHANGE_SPEED) for a in actions)
 
     def name_of(self, index: int) -> str:
         """Return the place of an action in the script and what it does, for messages."""

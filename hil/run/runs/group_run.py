@@ -58,7 +58,7 @@ class GroupRun:
             list(bench.vehicles),
             offsets_W_m=offsets,
             formed_m=None if formation is None else formation.max_error_m,
-            on_the_way=self._on_the_way,
+            flown_share=self._flown_share,
         )
 
     def result(self) -> RunResult:
@@ -150,13 +150,13 @@ class GroupRun:
                 if not self._flights[name].over:
                     self._runs[name].context.event("error", contact_text(contact))
 
-    def _on_the_way(self) -> bool:
-        """Return True until a vehicle with a mission has reached its last waypoint, or one is lost."""
+    def _flown_share(self) -> float:
+        """Return the greatest share of its waypoints that a vehicle with a mission has reached, 1 if one is lost."""
+        share = 0.0
         for flight in self._flights.values():
             _, reached, waypoints = flight.run.status()
-            if flight.lost or reached >= waypoints > 0:
-                return False
-        return True
+            share = max(share, 1.0 if flight.lost else reached / max(waypoints, 1))
+        return share
 
     def _ticks(self) -> int:
         return max((run.context.ticks for run in self._runs.values()), default=0)

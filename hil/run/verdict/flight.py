@@ -12,16 +12,18 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
                    meet at the waypoint, or, where that is more, than the radius plus the lesser of `REACH_MARGIN_M`
                    and an eighth of that leg. A margin above `UNJUDGED_M` reaches no further than half of its own leg,
                    and a height above it, or without a limit, no lower than half of the waypoint's height.
-max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
-                   and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
-                   neighbours. The neighbours are included because the count changes legs a little before the corner:
-                   one on each side, or more past short legs and repeated waypoints, at most `WINDOW_LEGS`. A mission of
-                   a single waypoint is measured on the leg that leads to it, from the end of the climb. A plan that
-                   stays over one place has no leg: the distance from that place counts, from the end of the climb to
-                   the descent.
+max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last and on to within reach of a
+                   landing elsewhere, between the true position and the nearest point of the leg being flown (to the
+                   next waypoint not yet reached) or its neighbours. The neighbours are included because the count
+                   changes legs a little before the corner: one on each side, or more past short legs and repeated
+                   waypoints, at most `WINDOW_LEGS`. A mission of a single waypoint is measured on the leg that leads
+                   to it, from the end of the climb. A plan that stays over one place has no leg: the distance from
+                   that place counts, from the end of the climb to the descent.
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
-                   the first `SETTLE_M` do not count.
+                   the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
+                   more than `GROSS_M` count, once they were flown to their ends. Of a wait that was flown: the
+                   distance from the place's height, from `SETTLE_S` after the arrival until the wait may be over.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -30,6 +32,8 @@ holds              A waypoint, or a take-off, with a time to wait was flown only
                    counts for the first of them that still lacks time: waits at one place add up.
 turns              A waypoint with a number of circles was flown only if the vehicle turned about it that often, less
                    `LESS_TURNS`, in their direction, before it reached the next one.
+speeds             Where the plan commands a speed, the vehicle is faster at most by `MARGIN_MPS`, or by
+                   `MARGIN_SHARE` of that speed (`leg_speeds.py`).
 landings           What follows a landing in the middle of the plan counts once the vehicle has come to rest on the
                    ground within reach of its place; on the way there nothing is measured against the plan.
 climb              A plan without waypoints is completed only if the vehicle came up to the top of its take-off, less
@@ -51,7 +55,8 @@ from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from hil.run.verdict.hold import LESS_HOLD_S, Hold
 from hil.run.verdict.landings import Landings
-from hil.run.verdict.leg_heights import LegHeights, leg_length_m
+from hil.run.verdict.leg_heights import GROSS_M, LegHeights, leg_length_m
+from hil.run.verdict.leg_speeds import LegSpeeds
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
@@ -84,6 +89,7 @@ class Measurements:
     called_for: frozenset[str]  # names of the fields above that this plan must yield
     take_off_missed: str = ""  # of a plan without waypoints: how far it stayed below its take-off, in words
     hold_missed: str = ""  # the first place at which the vehicle did not wait, or circle, in words
+    speed_missed: str = ""  # the first leg that the vehicle flew faster than the plan commands, in words
     landing_missed: str = ""  # the first landing in the middle of the plan that was not flown, in words
     endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
@@ -105,7 +111,7 @@ class FlightMeasurement:
     ) -> None:
         """`cos_tilt` returns the cosine of the angle between what is up in the vehicle and the vertical.
 
-        `whole`: what a plan has besides places is judged, too: times to wait, and landings in its middle.
+        `whole`: what a plan has besides places is judged, too: times to wait, speeds, and landings in its middle.
         """
         self._cos_tilt = cos_tilt
         limits = limits or Limits()
@@ -121,9 +127,16 @@ class FlightMeasurement:
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
         landings = Landings(legs, reach_m=landing_reach_m(limits))
         self._landings = landings if whole else Landings((), reach_m=0.0)
+        self._speeds = LegSpeeds(self._fly_legs, off_m=_margin_m(limits)) if whole else None
         self._heights = LegHeights(self._fly_legs, self._reaches_m, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
+        approaches = [leg.kind for leg in legs[-3:]] == [LegKind.FLY, LegKind.APPROACH, LegKind.DESCENT]
+        approaches = approaches and whole and not legs[-3].turns
+        self._approach = legs[-2] if approaches else None  # None: there is none, or it is over
+        self._landing_reach_m = landing_reach_m(limits)
+        self._approach_m: float | None = None  # greatest distance from it
+        self._steep_m: float | None = None  # greatest error of height of the present leg, if it is steep, or of it
         stays = all(leg_length_m(leg) <= STILL_M for leg in legs)
         self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
@@ -208,7 +221,9 @@ class FlightMeasurement:
         if due:
             self._landings.add(truth, self._waypoint)
         if self._airborne and self._waypoint < len(self._fly_legs) and not (due and due.get(self._waypoint)):
-            self._follow(truth.p_WB)
+            self._follow(truth)
+        if self._approach is not None and self._waypoint == len(self._fly_legs):
+            self._follow_approach(self._approach, truth.p_WB)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
         if self._staying:
@@ -217,27 +232,53 @@ class FlightMeasurement:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
             self._cross_track_m = _greater(self._cross_track_m, drift_m)
 
-    def _follow(self, p_WB: Vec3) -> None:
+    def _follow(self, truth: TruthState) -> None:
         """Count waypoints, and measure against the leg being flown."""
-        fly, target = self._fly_legs, self._waypoint
+        fly, target, p_WB = self._fly_legs, self._waypoint, truth.p_WB
         if target == 0 and not self._measuring and len(fly) == 1:
             self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
         if target > 0 or self._measuring:
             distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._nearby_legs[target])
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
             off_m = self._heights.off_m(target, p_WB)
-            if off_m is not None:
+            if off_m is not None and self._heights.settle_m[target] == math.inf:
+                self._steep_m = _greater(self._steep_m, off_m)
+            elif off_m is not None:
                 self._altitude_m = _greater(self._altitude_m, off_m)
+        if self._speeds is not None:
+            self._speeds.add(truth, target)
         if self._is_reached(target, p_WB):
             self._waypoint += 1
+            self._take_steep()
             for i in self._staying:
                 self._holds[i].onward |= not self._is_reached(i, fly[target].end_W)
             if target in self._holds:
                 self._staying.append(target)
 
+    def _follow_approach(self, leg: Leg, p_WB: Vec3) -> None:
+        """Measure on the way from the last waypoint to above the landing place; it counts once the vehicle is there."""
+        if math.dist(p_WB[:2], leg.end_W[:2]) <= self._landing_reach_m:
+            self._approach = None
+            if self._approach_m is not None:
+                self._cross_track_m = _greater(self._cross_track_m, self._approach_m)
+            self._take_steep()
+            return
+        distance_m = min(horizontal_distance_m(p_WB, near) for near in (leg, *self._nearby_legs[-1]))
+        self._approach_m = _greater(self._approach_m, distance_m)
+        off_m = abs(p_WB[2] - leg.end_W[2])
+        if not off_m <= GROSS_M:
+            self._steep_m = _greater(self._steep_m, off_m)
+
+    def _take_steep(self) -> None:
+        """Let the heights of a steep leg, or of the way to a landing elsewhere, count: it was flown to its end."""
+        if self._steep_m is not None:
+            self._altitude_m, self._steep_m = _greater(self._altitude_m, self._steep_m), None
+
     def _stay(self, t_ns: int, p_WB: Vec3) -> None:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""
         inside = {i for i in self._staying if self._is_reached(i, p_WB)}
+        for i in inside:
+            self._holds[i].add_height(t_ns, abs(p_WB[2] - self._places[i].end_W[2]))
         if inside and self._stay_ns is not None:
             self._holds[min(inside)].add(t_ns - self._stay_ns)
         self._staying = [
@@ -268,7 +309,8 @@ class FlightMeasurement:
 
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
         """Return True within reach of a waypoint, or with -1 of the take-off."""
-        dx, dy, dz = (p_WB[i] - self._places[target].end_W[i] for i in range(3))
+        x, y, z = self._places[target].end_W
+        dx, dy, dz = p_WB[0] - x, p_WB[1] - y, p_WB[2] - z
         radius_m = self._reaches_m[target]
         return dx * dx + dy * dy <= radius_m * radius_m and -self._below_m[target] <= dz <= self._above_m
 
@@ -290,6 +332,10 @@ class FlightMeasurement:
         tilt_deg = None
         if self._min_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
+        altitude_m = self._altitude_m
+        for hold in self._holds.values():
+            if hold.off_m is not None and not hold.missed:
+                altitude_m = _greater(altitude_m, hold.off_m)
         all_reached = self._waypoint == len(self._fly_legs)
         hold_missed = next(self._missed(), "")
         return Measurements(
@@ -305,13 +351,14 @@ class FlightMeasurement:
             landed=landed,
             tipped=tilt_deg is not None and not tilt_deg <= TIPPED_DEG,
             max_cross_track_m=self._cross_track_m,
-            altitude_error_m=self._altitude_m,
+            altitude_error_m=altitude_m,
             final_error_m=final_error_m,
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
             take_off_missed=self._take_off.missed,
             hold_missed=hold_missed,
+            speed_missed="" if self._speeds is None else self._speeds.missed,
             landing_missed=self._landings.missed(self._waypoint),
             endless_item=self._endless_item,
         )
@@ -352,7 +399,7 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
 
     At one place again, the legs before and after it meet. The waypoints of a plan that stays there have no such legs.
     """
-    margin_m = max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
+    margin_m = _margin_m(limits)
     before_m, after_m = _lengths_so_far_m(fly), _lengths_so_far_m(fly[::-1])[::-1]
     found_m: list[float] = []
     for i, leg in enumerate(fly):
@@ -363,10 +410,14 @@ def reaches_m(fly: Sequence[Leg], limits: Limits) -> list[float]:
     return found_m
 
 
+def _margin_m(limits: Limits) -> float:
+    """Return the horizontal distance [m] by which a vehicle may be off its place."""
+    return max(REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m)
+
+
 def landing_reach_m(limits: Limits) -> float:
     """Return the horizontal distance [m] from its place within which a landing in the middle of a plan counts."""
-    margin_m = UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
-    return ACCEPTANCE_RADIUS_M + max(REACH_MARGIN_M, min(margin_m, UNJUDGED_M))
+    return ACCEPTANCE_RADIUS_M + min(_margin_m(limits), UNJUDGED_M)
 
 
 def top_reach_m(climb: Leg) -> float:
@@ -420,6 +471,8 @@ def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complet
             reasons.append(measured.take_off_missed or measured.hold_missed)
         else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
+    if outcome == "complete" and measured.speed_missed:
+        reasons.append(measured.speed_missed)
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []

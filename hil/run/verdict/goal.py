@@ -5,14 +5,16 @@ asks to land; otherwise when the run ends.
 
 outcome          reported by the client and expected by the bench, such as `goal_in_obstacle` for a goal in a building
 goal_error_m     horizontal distance from the goal when the flight was over
+height_error_m   greatest distance from the goal's height, from the end of the climb that first came within the limit of
+                 it (2 m if that is null) until the flight was over: over all houses there is no path to find
 clearance_m      smallest distance from the sphere that encloses the vehicle to any surface, people included, sampled
                  ten times a second from half the height of the flight on
 contacts         ticks with contact, from the first 0.3 m above the ground until the flight was over
 path_ratio       horizontal length of the path flown, divided by the length of the shortest path from start to goal that
                  keeps `min_clearance_m` on the full map (`hil.run.verdict.shortest_path`)
 
-If the bench expects an outcome other than `goal`, error and ratio are not judged, nor is the clearance of a flight that
-never reached half its height. `goal_in_obstacle` is false where a path leads to the goal with 2 m of clearance, or
+If the bench expects an outcome other than `goal`, errors and ratio are not judged, nor is the clearance of a flight
+that never reached half its height. `goal_in_obstacle` is false where a path leads to the goal with 2 m of clearance, or
 `min_clearance_m` if that is more: clients call a goal nearer to an obstacle one in it.
 """
 
@@ -37,6 +39,7 @@ _FLYING, _IN_OBSTACLE = "flying", "goal_in_obstacle"  # outcomes reported by cli
 _SAMPLE_PERIOD_NS = NS_PER_S // 10
 _MAP_MARGIN_M = 45.0  # the full map extends this far beyond start and goal
 _DEFAULT_CLEARANCE_M = 0.5
+_DEFAULT_HEIGHT_ERROR_M = 2.0
 _OPEN_M = 2.0
 
 
@@ -48,6 +51,7 @@ class GoalResult:
     why: str = ""
     t_s: float | None = None
     goal_error_m: float | None = None
+    height_error_m: float | None = None
     clearance_m: float | None = None
     contacts: int = 0
     path_m: float | None = None
@@ -112,6 +116,11 @@ class GoalMeasurement:
         first = next((i for i, (_, p) in enumerate(self._track) if p[2] >= half_height_m), len(self._track))
         path = self._track[first:]
         clearance_m = path_m = shortest_m = ratio = open_path_m = None
+        errors_m = [abs(p[2] - z) for _, p in self._track]
+        near_m = goal.max_height_error_m or _DEFAULT_HEIGHT_ERROR_M
+        there = next((i for i, error_m in enumerate(errors_m) if error_m <= near_m), len(errors_m))
+        while there + 1 < len(errors_m) and errors_m[there + 1] < errors_m[there]:  # the climb goes on
+            there += 1
         if path:
             meter = Clearance(geometry)
             clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in path) - self._radius_m
@@ -131,6 +140,7 @@ class GoalMeasurement:
             str(self._report.get("why", "")),
             last.t_ns / NS_PER_S,
             math.dist(last.p_WB[:2], (x, y)),
+            max(errors_m[there:], default=None),
             clearance_m,
             self._contacts,
             path_m,
@@ -170,6 +180,7 @@ def _judge_goal(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
     judge_clearance = result.clearance_m is not None or at_goal  # other outcomes may occur below half the height
     rows, failed = rows_within(
         ("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m", False),
+        ("height_error_m", result.height_error_m, goal.max_height_error_m if at_goal else None, "m", False),
         ("clearance_m", result.clearance_m, goal.min_clearance_m if judge_clearance else None, "m", True),
         ("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "", False),
         ("contacts", float(result.contacts), 0.0, "", False),

@@ -6,13 +6,15 @@ contacts           Contacts between vehicles: when, who, how fast. Judged are th
                    over: who touches a landed or fallen vehicle has hit an obstacle.
 formation_error_m  Greatest distance between a vehicle and its place in the formation. Measured from the tick at which
                    all are in the air and within the limit (`FORMED_M` if it is null), until one has reached its last
-                   waypoint, touches anything, or is lost.
+                   waypoint, touches anything, or is lost. One that has reached more than `LATEST` of its waypoints
+                   by then has not flown them in formation.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from signals.time import NS_PER_S
 from sim.physics.vehicle_group import VehicleContact
 
 FORMED_M = 2.0
+LATEST = 0.5
 _TOO_LATE = (
     "when all were in place, a vehicle was already within reach of its last waypoint (limits that are null make that "
     "reach wider)"
@@ -40,17 +43,18 @@ class GroupMeasurement:
         *,
         offsets_W_m: Mapping[str, Vec3] | None = None,
         formed_m: float | None = None,
-        on_the_way: Callable[[], bool] = lambda: True,
+        flown_share: Callable[[], float] = lambda: 0.0,
     ) -> None:
         """`offsets_W_m`: places in the formation relative to the first vehicle; None: none is flown.
 
-        `on_the_way` returns False once a vehicle has reached its last waypoint or is lost.
+        `flown_share` returns the greatest share of its waypoints that a vehicle has reached, 1 once one is lost.
         """
         self._names = tuple(names)
         self._over_ns = dict.fromkeys(names, math.inf)  # end of each flight
         self._offsets = None if offsets_W_m is None else np.array([offsets_W_m[name] for name in names])
         self._formed_m = FORMED_M if formed_m is None else formed_m
-        self._on_the_way = on_the_way
+        self._flown_share = flown_share
+        self._formed_at = 0.0  # share flown when all were in place
         self._pairs = np.triu_indices(len(names), 1)
         self._distance2_m2 = np.inf
         self._closest: tuple[int, int, int] | None = None  # time [ns], numbers of both vehicles
@@ -90,9 +94,10 @@ class GroupMeasurement:
         if not self._formed:
             self._grounded -= {name for name, truth in zip(self._names, truths, strict=True) if not truth.in_contact}
             self._formed = flying and bool(errors_m[worst] <= self._formed_m)
+            self._formed_at = self._flown_share()
             if flying and (self._nearest is None or errors_m[worst] < self._nearest[0]):
                 self._nearest = float(errors_m[worst]), worst
-        elif not (flying and self._on_the_way()):
+        elif not (flying and self._flown_share() < 1.0):
             self._ended = True
         elif self._formation_m is None or errors_m[worst] > self._formation_m:
             self._formation_m, self._farthest = float(errors_m[worst]), (truths[0].t_ns, worst)
@@ -129,6 +134,10 @@ class GroupMeasurement:
             elif why:
                 reason = _TOO_LATE if self._formed else self._why_not_formed(lost)
                 why = [f"{why[0]}: {reason}"]
+            if not why and max_formation_error_m is not None and self._formed_at > LATEST:
+                share = f"{self._formed_at:.0%} of the waypoints of one were reached, more than {LATEST:.0%}"
+                why = [f"formation_error_m was measured late: when all were in place, {share}"]
+                row = [replace(row[0], ok=False)]
             rows, reasons = rows + row, reasons + why
         judged = [c for c in self.contacts if c.t_ns < max(self._over_ns[c.a], self._over_ns[c.b])]
         fails = limits.contact == "fail" and bool(judged)

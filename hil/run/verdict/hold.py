@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from signals.time import NS_PER_S
 
+SETTLE_S = 8.0  # after an arrival at 2 m below, say
 LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
 
 
@@ -13,11 +14,20 @@ class Hold:
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
         self._inside_ns = 0
+        self._since_ns: int | None = None  # it first was there
+        self.off_m: float | None = None  # greatest distance from the height of the place
         self.onward = False  # True once the vehicle has reached a later waypoint, out of this one's reach
 
     def add(self, elapsed_ns: int) -> None:
         """Add a time spent there."""
         self._inside_ns += elapsed_ns
+
+    def add_height(self, t_ns: int, off_m: float) -> None:
+        """Add a distance from the height of the place, which counts while the vehicle neither arrives nor may leave."""
+        if self._since_ns is None:
+            self._since_ns = t_ns
+        if SETTLE_S <= (t_ns - self._since_ns) / NS_PER_S <= self._hold_s - LESS_HOLD_S:
+            self.off_m = off_m if self.off_m is None else max(self.off_m, off_m)
 
     @property
     def missed(self) -> bool:

@@ -2,8 +2,9 @@
 
 A leg is judged if it is level or slopes by less than `SLOPE`: autopilots change the height along a steeper one in their
 own ways. Its heights are those between its ends. They count once the vehicle has flown `SETTLE_M` since the plan last
-changed the height: with a take-off, a landing in its middle, or a leg that is not level. (`plane_flight.py` has other
-numbers, and no such distance: the legs of planes are long and their limits wide.)
+changed the height: with a take-off, a landing in its middle, or a leg that is not level. Of a steeper leg that does not
+begin with a landing, errors of more than `GROSS_M` count. (`plane_flight.py` has other numbers, and no such distance:
+the legs of planes are long and their limits wide.)
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from signals.samples import Vec3
 
 SETTLE_M = 5.0
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
+GROSS_M = 2.0  # as far as a waypoint reaches: no way of changing the height leaves that between the ends so far
 SLOPE = 0.1  # and judged if by less than this share of its length: terrain-following surveys have hardly a level leg
 
 
@@ -27,14 +29,18 @@ class LegHeights:
 
         `landings`: indices of the legs that begin with a landing.
         """
-        self._fly = fly
+        self._fly, self._landings = fly, frozenset(landings)
         self.settle_m = _settle_distances_m(fly, reaches_m, landings)
         self._bands_m = [(min(leg.start_W[2], leg.end_W[2]), max(leg.start_W[2], leg.end_W[2])) for leg in fly]
         self._directions = [_direction(leg) for leg in fly]
 
     def off_m(self, target: int, p_WB: Vec3) -> float | None:
         """Return how far the vehicle is above or below a leg's heights [m]; None where it is not judged."""
+        (low, high), up = self._bands_m[target], p_WB[2]
+        off_m = low - up if up < low else 0.0 if up <= high else up - high  # NaN for NaN
         settle_m = self.settle_m[target]
+        if settle_m == math.inf:
+            return None if target in self._landings or off_m <= GROSS_M else off_m
         if settle_m > -math.inf:
             start, (along_x, along_y) = self._fly[target].start_W, self._directions[target]
             dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]
@@ -42,8 +48,7 @@ class LegHeights:
             # The count is ahead of the vehicle: it may still be on the leg before, in another direction.
             if (along_m if 2.0 * along_m > from_start_m else -from_start_m) < settle_m:
                 return None
-        (low, high), up = self._bands_m[target], p_WB[2]
-        return low - up if up < low else 0.0 if up <= high else up - high  # NaN for NaN
+        return off_m
 
 
 def leg_length_m(leg: Leg) -> float:

@@ -1,7 +1,8 @@
 """Judges a search for people from ground truth (the section `search` of a bench).
 
-The client's answer is its last list of objects: each with a position and the time of its last sighting. The truth is
-the list of people visible to the camera in pictures rendered at the vehicle's true pose four times a second.
+The client's answer is its last list of objects: each with a position and the time of its last sighting. Of several
+clients that with the most objects of the class counts. The truth is the list of people visible to the camera in
+pictures rendered at the vehicle's true pose four times a second.
 
 visible        a person with at least `visible_px` pixels in at least `visible_samples` of these pictures
 found          a visible person with an object of the client within `gate_m` at the time of the object's last sighting.
@@ -109,8 +110,9 @@ class SearchMeasurement:
         """Render the pictures of the flight and compare; this takes seconds."""
         people = TruePeople(world, self._search.label)
         pixels = visible_px(frames, self._camera, people.people, self._sampled_states)
-        client = max(self._objects, key=lambda name: len(self._objects[name]), default="")
-        objects = [obj for obj in self._objects.get(client, ()) if obj.label == self._search.label]
+        found = {name: [o for o in objects if o.label == self._search.label] for name, objects in self._objects.items()}
+        client = max(found, key=lambda name: len(found[name]), default="")
+        objects = found.get(client, [])
         assigned, unassigned = assign_objects(objects, people, self._search.gate_m)
         results = []
         for k, person in enumerate(people.people):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.config import Bench
-from hil.config.missions.path import plan_points, planned_path
+from hil.config.missions.path import Leg, plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.verdict.flight import FlightMeasurement, judge
@@ -34,7 +34,12 @@ class FlightPart(Part):
         run.route = plan_points(run.legs)
         # Companions are given places alone.
         whole = not self._config.flown_by_set_points
-        self._measured = FlightMeasurement(run.legs, self._config.limits, whole=whole)
+        script = run.bench.script
+        legs: Sequence[Leg] = run.legs
+        by_hand = self._config.manual.device is not None
+        if by_hand or (script is not None and script.changes_speeds):
+            legs = [leg._replace(speed_mps=0.0) for leg in legs]
+        self._measured = FlightMeasurement(legs, self._config.limits, whole=whole)
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add]

@@ -1,5 +1,8 @@
 """Fails a flight that did not meet a declared fault or gust: its result would pass for theirs.
 
+So does one whose vehicle stood on the ground during a whole gust, or from a fault of a rotor or surface on, and flew at
+another time.
+
 `unmet` of run.json has them, for what makes many runs. Only warned of are those
 
 - that a script does not require, or that someone began by hand,
@@ -14,7 +17,8 @@ Of several vehicles, one that has met a fault or gust of all of them is enough.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -23,10 +27,16 @@ from hil.config import Bench
 from hil.config.missions.script import ActionSpec, SensorFault, injected_at
 from hil.config.schema import BenchConfig
 from hil.run.part import Part, RunContext
-from hil.run.verdict.verdict import Verdict
+from hil.run.verdict.verdict import AIRBORNE_M, Verdict
+from signals.samples import TruthState
 from signals.time import NS_PER_S
 from signals.words import counted
+from sim.physics.faults import RotorFault
+from sim.physics.surface_faults import SurfaceFault
+from sim.scene.wind import GustEvent
 
+_InFlight = RotorFault | SurfaceFault | GustEvent
+_IN_FLIGHT = (RotorFault, SurfaceFault, GustEvent)  # act on a vehicle in flight alone
 _LIKELY_UNMET = 0.5  # probability above which the bench is to blame for a link fault without a hit, not the seed
 
 
@@ -52,11 +62,28 @@ class UnmetFaultsPart(Part):
             if what in self._own:
                 self._own.remove(what)
         self._required = [*self._own, *(what for what, required in timed if required)]
+        self._grounded = {what: _span_ns(what) for what in self._declared if isinstance(what, _IN_FLIGHT)}
+        self._start_m: float | None = None
+        self._flew = False
         self._unmet: list[str] = []
         self._reasons: list[str] = []
 
     def open(self, run: RunContext) -> None:
         self._run = run
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._observe] if self._grounded else []
+
+    def _observe(self, truth: TruthState) -> None:
+        """Note what has met the vehicle in flight."""
+        if self._start_m is None:
+            self._start_m = truth.p_WB[2]
+        if truth.in_contact or truth.p_WB[2] <= self._start_m + AIRBORNE_M:  # at rest it trembles
+            return
+        self._flew = True
+        met = [what for what, (begin_ns, end_ns) in self._grounded.items() if begin_ns <= truth.t_ns < end_ns]
+        for what in met:
+            del self._grounded[what]
 
     def conclude(self, run: RunContext) -> None:
         """Say which faults began after the flight, or met nothing on which they act."""
@@ -91,6 +118,9 @@ class UnmetFaultsPart(Part):
             if at_s >= end_s:  # of those of a script, its own part judges
                 text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
                 yield Unmet(what, text, what in self._own and not ends_early)
+            elif what in self._grounded and self._flew:
+                text = f"{name} at {at_s:g} s had no effect: the vehicle was on the ground"
+                yield Unmet(what, text, what in required and not ends_early)
         read = self._read_sensors()
         for fault, why in run.sensors.unmet():
             if fault.at_s < end_s:
@@ -130,6 +160,16 @@ def _instants(config: BenchConfig) -> Iterator[tuple[Any, str, float]]:
             yield (key, at_s), f"fault of the autopilot: {key.removesuffix('_at_s')}", at_s
     for gust in () if config.wind is None else config.wind.gusts:
         yield gust, "gust", gust.at_s
+
+
+def _span_ns(what: _InFlight) -> tuple[int, float]:
+    """Return begin and end of a gust, or of a fault of a rotor or surface [ns]."""
+    lasts_s: float | None = None
+    if isinstance(what, RotorFault):
+        lasts_s = what.for_s
+    elif isinstance(what, GustEvent) and what.fall_s is not None:
+        lasts_s = what.rise_s + what.hold_s + what.fall_s
+    return round(what.at_s * NS_PER_S), math.inf if lasts_s is None else (what.at_s + lasts_s) * NS_PER_S
 
 
 def _declared_by(spec: ActionSpec) -> Any:

@@ -163,3 +163,16 @@ def test_odd_arguments_have_a_clear_message(
 ) -> None:
     assert run_command_line(arguments) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["--fix"], "--check PORT"), (["--check", "/dev/null", "--timing", "/dev/null"], "cannot go with --check")],
+)
+def test_options_of_devices_that_would_do_nothing_are_refused(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hil devices --fix` listed the devices, corrected nothing, and ended with status 0."""
+    result = CliRunner().invoke(app, ["devices", *arguments])
+    assert result.exit_code == 2
+    assert words in " ".join((result.output + "".join(capsys.readouterr())).split())

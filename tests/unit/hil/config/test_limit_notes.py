@@ -12,6 +12,7 @@ from hil.run.bench_run import run_bench
 
 ROOT = Path(__file__).resolve().parents[4]
 QUAD, PLANE, VTOL = (ROOT / name for name in ("hil.yaml", "rigs/plane.yaml", "rigs/vtol.yaml"))
+RUNWAY, EXPLORE = ROOT / "rigs/benches/runway.yaml", ROOT / "rigs/explore.yaml"
 NO_RECORD = ("record={mcap: false, tlog: false, report: false}", "autopilot.transport=loopback")
 
 
@@ -31,6 +32,11 @@ NO_RECORD = ("record={mcap: false, tlog: false, report: false}", "autopilot.tran
             "plane_limits.max_bank_deg: not judged, the vehicle 'x500' is a mult",
         ),
         (PLANE, "plane_limits.max_bank_deg=20", None),
+        (PLANE, "plane_limits.landing_roll_m=10", "plane_limits.landing_roll_m: not judged, the scene 'meadow' has no"),
+        (RUNWAY, "plane_limits.landing_roll_m=100", None),
+        (EXPLORE, "limits.max_cross_track_m=0.3", "limits.max_cross_track_m: not judged, the bench has no mission"),
+        (EXPLORE, "limits.max_cross_track_m=null", None),
+        (EXPLORE, "limits.landing_speed_mps=1", None),
         (QUAD, "limits.max_cross_track_m=2", None),
         (VTOL, "limits.final_error_m=2", None),
         (VTOL, "plane_limits.max_bank_deg=20", None),

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from hil.apps.campaign.campaign import Campaign, is_chosen
 from hil.apps.campaign.command import CampaignOptions, run_campaign
-from hil.apps.campaign.flight import Limit, Outcome
+from hil.apps.campaign.flight import Job, Limit, Outcome
 from hil.apps.campaign.identity import case_id
 from hil.apps.campaign.store import Store
 from hil.config import load_bench
@@ -125,6 +125,23 @@ def test_second_flights_that_could_not_be_made_are_told(
     said = io.StringIO()
     run_campaign(spec, CampaignOptions(out=tmp_path / "out", quiet=True), Console(file=said, width=300))
     assert "warning: 1 second flight could not be made; --resume flies the rest" in said.getvalue()
+
+
+def test_a_second_flight_with_another_verdict_is_a_flake(
+    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A client that fails after every other flight changes no digest: both flights were called the same."""
+    spec.write_text(SPEC.replace("duration_s: [60, 8], seed: [1]", "duration_s: [60], seed: [1]"))
+    compare = Campaign._compare
+
+    def failed(self: Campaign, job: Job, outcome: Outcome) -> None:
+        compare(self, job, replace(outcome, status="FAIL", reasons=("detect ended with status 1",)))
+
+    monkeypatch.setattr(Campaign, "_compare", failed)
+    assert fly(spec, tmp_path / "out") == 1
+    (row,) = rows(tmp_path / "out")
+    assert row["status"] == "FLAKE"
+    assert row["reason"] == "the same flight was PASS and then FAIL: detect ended with status 1"
 
 
 def test_a_trial_flight_that_is_an_error_fails_the_dry_run(spec: Path, tmp_path: Path) -> None:

@@ -106,3 +106,13 @@ def test_the_circles_of_an_item() -> None:
     one, other = item(18, 20, 2, 10, p1=2.0), item(18, 20, 2, 10, p1=float("nan"))
     path = legs(item(22, 1, 2, 10), one, one._replace(param3=-5.0), other, item(16, 30, 2, 10, p1=3.0))
     assert [leg.turns for leg in path] == [0.0, 2.0, -2.0, 1.0, 0.0]
+
+
+def test_the_speed_that_the_plan_commands_of_the_legs_behind_it() -> None:
+    speeds = ((1.0, 3.0), (0.0, 5.0), (2.0, 1.0), (1.0, 4.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0))
+    items = [item(22, 1, 2, 10)]
+    for east, (kind, speed_mps) in enumerate(speeds):
+        items += [item(178, frame=2, p1=kind, p2=speed_mps), item(16, 40 * east, 2, 10)]
+    path = legs(*items, item(21, 1, 2, 0))
+    # That of a climb is, for PX4, one over ground, too; -1 is its own, and for others that of before.
+    assert [leg.speed_mps for leg in path] == [0.0, 3.0, 5.0, 0.0, 4.0, 0.0, 2.0, 0.0, 0.0, 0.0]

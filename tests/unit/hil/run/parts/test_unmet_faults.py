@@ -10,6 +10,7 @@ import pytest
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.simulated.unmet_faults import Unmet, UnmetFaultsPart
+from tests.worlds.mjcf_world import truth_at
 
 BENCH = """
 rig: mock
@@ -103,7 +104,7 @@ def test_what_an_expected_crash_prevents_is_warned_of_but_not_without_a_cause() 
 )
 def test_of_several_vehicles_one_that_met_it_is_enough(gust_s: float, own: str, unmet: list[str]) -> None:
     """A vehicle that was down before the common gust failed the flight of all."""
-    Path("long.yaml").write_text(HOP.replace("delay_s: 6", "delay_s: 12"))
+    Path("long.yaml").write_text(HOP.replace("delay_s: 6", "delay_s: 20"))
     vehicles = f"vehicles: {{a: {own}, b: {{start: {{p_W: [9, 0, 0]}}, mission: long.yaml}}}}\n"
     result = fly(f"wind: {{gusts: [{GUST % gust_s}]}}\n{vehicles}", "expect: []\n")
     ends_s = [vehicle["sim_s"] for vehicle in result.run["vehicles"].values()]
@@ -184,3 +185,25 @@ def test_a_fault_that_changes_no_sample_is_unmet(fault: str, met: bool) -> None:
     result = fly(f"faults: {{sensors: [{{sensor: gps, at_s: 5, until_s: 6, {fault}}}]}}\n", "expect: []\n")
     kind = fault.split(",")[0].removeprefix("kind: ")
     assert reasons(result) == ([] if met else [f"fault of gps: {kind} at 5 s had no effect: it changed no sample"])
+
+
+def test_a_gust_over_before_the_take_off_is_unmet() -> None:
+    """The run had met it, the flight had not: it passed."""
+    (reason,) = reasons(fly(f"wind: {{gusts: [{GUST % 1}]}}\n", "expect: []\n"))
+    assert reason == "gust at 1 s had no effect: the vehicle was on the ground"
+    assert reasons(fly(f"wind: {{gusts: [{GUST % 9}]}}\n", "expect: []\n")) == []
+    front = GUST.replace(", fall_s: 0.1", "") % 1
+    assert reasons(fly(f"wind: {{gusts: [{front}]}}\n", "expect: []\n")) == [], "it blows on"
+    loose = "  - {at_s: 1, required: false, gust: {speed_mps: 1, direction_deg: 0, for_s: 1}}\n"
+    told = fly("", loose)
+    assert (told.status, told.run["unmet"]) == ("PASS", [reason])
+
+
+def test_a_rotor_that_fails_after_the_landing_is_unmet() -> None:
+    part = UnmetFaultsPart(load_bench(None, settings=["faults.rotors=[{rotor: 0, kind: stuck, at_s: 5}]"]))
+    (observe,) = part.observers()
+    for t_s, up_m in ((0, 0.0), (3, 5.0), (6, 0.0)):
+        observe(truth_at(t_s * 1_000_000_000, p_WB=(0.0, 0.0, up_m))._replace(in_contact=not up_m))
+    assert [(what.at_s, part._flew) for what in part._grounded] == [(5.0, True)]  # type: ignore[union-attr]
+    observe(truth_at(7_000_000_000, p_WB=(0.0, 0.0, 5.0)))
+    assert not part._grounded

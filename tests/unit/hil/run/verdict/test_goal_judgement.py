@@ -149,7 +149,8 @@ def test_a_good_flight_passes_and_is_measured(frames: Any, x500: Vehicle) -> Non
     assert result.shortest_m == pytest.approx(around_a_box(R_M + 0.5), rel=0.02)
     rows, reasons = measurement.verdict_rows()
     assert not reasons
-    assert {row.name for row in rows} == {"goal_error_m", "clearance_m", "path_ratio", "contacts"}
+    assert {row.name for row in rows} == {"goal_error_m", "height_error_m", "clearance_m", "path_ratio", "contacts"}
+    assert result.height_error_m == 0.0
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,27 @@ def test_a_goal_in_the_open_lies_in_no_obstacle(
 def test_a_flight_that_never_began_fails(frames: Any, x500: Vehicle) -> None:
     measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 5.0)), x500)
     measurement.conclude(frames.geometry)
-    assert len(measurement.verdict_rows()[1]) == 4
+    assert len(measurement.verdict_rows()[1]) == 5
+
+
+@pytest.mark.parametrize(("limit_m", "reasons"), [(2.0, ["height_error_m is 10 m, at most 2 m"]), (None, [])])
+def test_a_flight_over_everything_has_found_no_path(
+    frames: Any, x500: Vehicle, limit_m: float | None, reasons: list[str]
+) -> None:
+    """Straight over the hall, whose roof is at 10 m, to a goal at 5 m: it passed, with a path ratio of 0.92."""
+    corners = np.array([(0, 0, 0.2), (0, 0, 15), (20, 0, 15)], float)
+    over = np.vstack([np.linspace(a, b, 80) for a, b in itertools.pairwise(corners)])
+    measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 5.0), max_height_error_m=limit_m), x500)
+    measurement.reported({"outcome": "goal"}, flown(measurement, over))
+    measurement.conclude(frames.geometry)
+    assert measurement.verdict_rows()[1] == reasons
+
+
+def test_a_flight_far_below_its_goal_fails(frames: Any, x500: Vehicle) -> None:
+    measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 9.0)), x500)
+    measurement.reported({"outcome": "goal"}, flown(measurement, path(5.0)))
+    measurement.conclude(frames.geometry)
+    assert measurement.verdict_rows()[1] == ["height_error_m was never measured, at most 2 m"]
 
 
 @pytest.mark.parametrize(

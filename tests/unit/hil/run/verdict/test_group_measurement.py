@@ -48,17 +48,32 @@ def test_a_vehicle_whose_flight_is_over_is_an_obstacle_to_those_that_fly() -> No
 
 
 def test_the_formation_is_measured_from_forming_to_the_first_end() -> None:
-    under_way = True
+    share = 0.0
     measured = GroupMeasurement(
-        ["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0, on_the_way=lambda: under_way
+        ["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0, flown_share=lambda: share
     )
     for tick, y in enumerate((20.0, 5.5, 5.2, 5.8, 5.1)):
         measured.add([state(10 * tick, (0, 0, 9)), state(10 * tick, (0, y, 9))])
-    under_way = False
+    share = 1.0
     measured.add([state(50, (0, 0, 9)), state(50, (0, 20, 9))])
     rows, reasons = measured.verdict(Group(), 0.5)
     assert rows[1].value == pytest.approx(0.8)
     assert reasons == ["formation_error_m is 0.8 m, at most 0.5 m: b at 0.12 s"]
+
+
+@pytest.mark.parametrize(("share", "late"), [(0.0, False), (0.5, False), (0.8, True)])
+def test_a_formation_that_forms_late_fails(share: float, late: bool) -> None:
+    """Two vehicles that met at the last but one waypoint passed."""
+    measured = GroupMeasurement(
+        ["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0, flown_share=lambda: share
+    )
+    for tick, y in enumerate((20.0, 5.5, 5.2)):
+        measured.add([state(10 * tick, (0, 0, 9)), state(10 * tick, (0, y, 9))])
+    rows, reasons = measured.verdict(Group(), 0.5)
+    text = "formation_error_m was measured late: when all were in place, 80% of the waypoints of one were reached"
+    assert reasons == ([f"{text}, more than 50%"] if late else [])
+    assert rows[1].ok == (not late)
+    assert measured.verdict(Group(), None)[1] == []
 
 
 def test_a_formation_that_never_forms_fails() -> None:

@@ -102,6 +102,8 @@ def test_a_flight_past_a_person_is_measured_and_written(frames: Any, camera: Any
     objects = (found(0, at[0] + 0.6, at[1], t_s=2.0), found(1, 30.0, 30.0, t_s=2.0))
     measurement.detected("detect", Detections("front/rgb", 0, (4, 3), (), objects))
     measurement.detected("detect", Detections("front/rgb", 0, (4, 3)))  # nothing new
+    cars = tuple(found(k, 9.0 * k, 40.0, t_s=2.0)._replace(label="car") for k in range(5))
+    measurement.detected("cars", Detections("front/rgb", 0, (4, 3), (), cars))  # more objects, none of them wanted
     measurement.conclude(frames, frames.geometry.world)
     result = measurement.result
     assert (result.client, result.visible, result.found, result.false_objects) == ("detect", 1, 1, 1)

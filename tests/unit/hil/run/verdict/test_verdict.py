@@ -275,6 +275,28 @@ def test_a_plan_waits_at_its_waypoints(first_s: float, away_s: float, back_s: fl
 
 
 @pytest.mark.parametrize(
+    ("stays", "error_m"),
+    [
+        ([(10.2, 30.0)], 0.0),
+        ([(8.5, 6.0), (10.2, 24.0)], 0.0),  # it arrives
+        ([(10.2, 29.0), (9.0, 3.0)], 0.0),  # it leaves
+        ([(8.5, 30.0)], 1.7),
+        ([(10.2, 15.0), (10.8, 1.0), (10.2, 14.0)], 0.6),
+    ],
+)
+@pytest.mark.parametrize("hover", [True, False])
+def test_a_wait_has_the_height_of_its_place(stays: list[tuple[float, float]], error_m: float, hover: bool) -> None:
+    """A hover of 30 s, 1.7 m too low, passed: its height was bounded by the reach of the waypoint alone."""
+    here, there = (0.0, 0.0, 10.2), (0.0 if hover else 20.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, here), Leg(LegKind.FLY, 1, here, there)]
+    legs.append(Leg(LegKind.DESCENT, 2, there, (*there[:2], HOME[2])))
+    flight = [(here, 1.0), (there, 0.2), *(((*there[:2], up_m), stay_s) for up_m, stay_s in stays)]
+    measured = staying(flight, legs, [30.0])
+    assert (measured.reached, measured.hold_missed) == (1, "")
+    assert measured.altitude_error_m == pytest.approx(error_m, abs=1e-9)
+
+
+@pytest.mark.parametrize(
     ("first_s", "away_s", "back_s", "missed"),
     [
         (31.0, 0.0, 0.0, "the vehicle was at waypoint 2 for 2.9 s; the plan waits there for 30 s, 28 s are enough"),
@@ -442,6 +464,61 @@ def test_height_counts_from_five_metres_of_level_flight_on() -> None:
     assert measured.altitude_error_m == pytest.approx(
         0.5, abs=0.006
     )  # 0.1 m a metre, 5 m before its end; steps of 5 cm
+
+
+@pytest.mark.parametrize(
+    ("way", "reasons"),
+    [
+        ([], ()),
+        ([(30.0, 30.0, 10.2)], ("max_cross_track_m is 30 m, more than the 1 m allowed",)),
+        ([(30.0, 0.0, 7.2)], ("altitude_error_m is 3 m, more than the 0.5 m allowed",)),
+        ([(57.5, 0.0, 10.2), (57.5, 0.0, 4.0)], ()),  # comes down within reach of the place
+    ],
+)
+def test_the_way_to_a_landing_elsewhere_is_measured(way: list[Vec3], reasons: tuple[str, ...]) -> None:
+    """Behind the last waypoint a vehicle could fly anywhere."""
+    top, end = (0.0, 0.0, 10.2), (60.0, 0.0, 0.2)
+    last, above = (0.0, -20.0, 10.2), (60.0, 0.0, 10.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, last), Leg(LegKind.FLY, 1, last, top), Leg(LegKind.APPROACH, 2, top, above)]
+    landing = [] if len(way) > 1 else [above]
+    measured = flown([*legs, Leg(LegKind.DESCENT, 2, above, end)], [HOME, last, top, *way, *landing, end])
+    assert judge(measured, Limits()).reasons == reasons
+
+
+def test_a_flight_that_returns_from_a_steep_leg_or_its_end_was_not_too_high() -> None:
+    """Scripts that abort a plan let the vehicle climb for the way home, or land where it is."""
+    top, far, above = (0.0, 0.0, 10.2), (40.0, 0.0, 25.2), (90.0, 0.0, 25.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.FLY, 1, top, top), Leg(LegKind.FLY, 2, top, far)]
+    legs += [Leg(LegKind.APPROACH, 3, far, above), Leg(LegKind.DESCENT, 3, above, (90.0, 0.0, 0.2))]
+    middle, high = (20.0, 0.0, 17.7), (20.0, 0.0, 60.2)
+    returned = flown(legs, [HOME, top, middle, high, (0.0, 0.0, 60.2), HOME])
+    landed = flown(legs, [HOME, top, far, (40.0, 0.0, 0.2)])
+    assert (returned.reached, landed.reached) == (1, 2)
+    assert returned.altitude_error_m is None
+    assert landed.altitude_error_m is None
+
+
+@pytest.mark.parametrize(
+    ("middle", "error_m"),
+    [
+        ([], None),
+        ([(40.0, 0.0, 10.2)], None),  # climbs late
+        ([(0.0, 0.0, 25.2)], None),  # climbs at once
+        ([(20.0, 0.0, 27.1)], None),  # and a little too high
+        ([(20.0, 0.0, 28.2)], 3.0),
+        ([(20.0, 0.0, 7.0)], 3.2),
+        ([(20.0, 0.0, 60.2)], 35.0),
+    ],
+)
+def test_a_steep_leg_is_flown_between_the_heights_of_its_ends(middle: list[Vec3], error_m: float | None) -> None:
+    """One that was flown at 60 m passed."""
+    top, far, end = (0.0, 0.0, 10.2), (40.0, 0.0, 25.2), (40.0, 0.0, 0.2)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.FLY, 1, top, top), Leg(LegKind.FLY, 2, top, far)]
+    measured = flown([*legs, Leg(LegKind.DESCENT, 3, far, end)], [HOME, top, *middle, far, end])
+    assert measured.completed
+    assert "altitude_error_m" not in measured.called_for
+    assert measured.altitude_error_m == (None if error_m is None else pytest.approx(error_m))
+    assert judge(measured, Limits()).status == ("PASS" if error_m is None else "FAIL")
 
 
 @pytest.mark.parametrize(("slope_m", "judged"), [(0.04, True), (2.9, True), (3.1, False)])
