@@ -55,7 +55,7 @@ class RunProcess:
             done, _ = await asyncio.wait([task], timeout=_STOP_S)
             if not done and process is not None and process.returncode is None:
                 process.kill()
-                await asyncio.wait([task])  # until then no other run can start
+                await asyncio.wait([task], timeout=_STOP_S)  # until then no other run can start
 
     async def _run(self, arguments: list[str]) -> None:
         server_end, run_end = socket.socketpair()
