@@ -22,8 +22,9 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
 altitude_error_m   Greatest distance of z from the heights of the leg being flown (`leg_heights.py`), while cross-track
                    is measured and that leg is level or slopes gently. After a climb, or a leg that is not level,
                    the first `SETTLE_M` do not count. Of steeper legs, and on the way to a landing elsewhere, errors of
-                   more than `GROSS_M` count, once they were flown to their ends. Of a wait that was flown: the
-                   distance from the place's height, from `SETTLE_S` after the arrival until the wait may be over.
+                   more than twice the reach in height and 1 m count, once they were flown to their ends. Of a wait
+                   that was flown, out of reach of places before at other heights: the distance from the place's
+                   height, from `SETTLE_S` after the arrival until the wait may be over.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
                    waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
                    ends on the ground: measured only if the vehicle landed.
@@ -55,7 +56,7 @@ from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from hil.run.verdict.hold import LESS_HOLD_S, Hold
 from hil.run.verdict.landings import Landings
-from hil.run.verdict.leg_heights import GROSS_M, LegHeights, leg_length_m
+from hil.run.verdict.leg_heights import LEVEL_M, LegHeights, leg_length_m
 from hil.run.verdict.leg_speeds import LegSpeeds
 from hil.run.verdict.take_off_height import TakeOffHeight
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
@@ -126,8 +127,11 @@ class FlightMeasurement:
         self._above_m = height_m
         self._below_m = [min(height_m, max(least_m, 0.5 * (leg.end_W[2] - home_up_m))) for leg in self._places]
         landings = Landings(legs, reach_m=landing_reach_m(limits))
+        self._whole = whole
         self._landings = landings if whole else Landings((), reach_m=0.0)
         self._speeds = LegSpeeds(self._fly_legs, off_m=_margin_m(limits)) if whole else None
+        # The count may be ahead by the reach, and on to the next places within it.
+        self._gross_m = 2.0 * height_m + 1.0
         self._heights = LegHeights(self._fly_legs, self._reaches_m, landings.due)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
@@ -144,6 +148,7 @@ class FlightMeasurement:
         self._take_off = TakeOffHeight(legs, reach_height_m=REACH_HEIGHT_M)
         waits_s = {i: self._places[i].wait_s for i in range(-len(climbs), len(self._fly_legs))}
         self._holds = {i: Hold(wait_s) for i, wait_s in waits_s.items() if whole and wait_s > LESS_HOLD_S}
+        self._level_holds = {i for i in self._holds if not self._counts_early(i)}
         self._staying = [i for i in self._holds if i < 0]  # places reached, of which the time to wait is not over
         self._stay_ns: int | None = None  # time of the last measured tick, if it was within reach of one of them
         self._turns = {i: leg.turns for i, leg in enumerate(self._fly_legs) if whole and abs(leg.turns) > LESS_TURNS}
@@ -226,7 +231,7 @@ class FlightMeasurement:
             self._follow_approach(self._approach, truth.p_WB)
         if self._waypoint - 1 in self._turns:
             self._circle(truth.p_WB)
-        if self._staying:
+        if self._staying and self._airborne:
             self._stay(truth.t_ns, truth.p_WB)
         if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
             drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
@@ -242,7 +247,8 @@ class FlightMeasurement:
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
             off_m = self._heights.off_m(target, p_WB)
             if off_m is not None and self._heights.settle_m[target] == math.inf:
-                self._steep_m = _greater(self._steep_m, off_m)
+                if self._whole and not off_m <= self._gross_m:
+                    self._steep_m = _greater(self._steep_m, off_m)
             elif off_m is not None:
                 self._altitude_m = _greater(self._altitude_m, off_m)
         if self._speeds is not None:
@@ -266,7 +272,7 @@ class FlightMeasurement:
         distance_m = min(horizontal_distance_m(p_WB, near) for near in (leg, *self._nearby_legs[-1]))
         self._approach_m = _greater(self._approach_m, distance_m)
         off_m = abs(p_WB[2] - leg.end_W[2])
-        if not off_m <= GROSS_M:
+        if not off_m <= self._gross_m:
             self._steep_m = _greater(self._steep_m, off_m)
 
     def _take_steep(self) -> None:
@@ -277,10 +283,12 @@ class FlightMeasurement:
     def _stay(self, t_ns: int, p_WB: Vec3) -> None:
         """Count the time at the waypoints at which the plan waits: for one at a time, that to be left first."""
         inside = {i for i in self._staying if self._is_reached(i, p_WB)}
-        for i in inside:
-            self._holds[i].add_height(t_ns, abs(p_WB[2] - self._places[i].end_W[2]))
-        if inside and self._stay_ns is not None:
-            self._holds[min(inside)].add(t_ns - self._stay_ns)
+        if inside:
+            first = min(inside)
+            if first in self._level_holds:
+                self._holds[first].add_height(t_ns, abs(p_WB[2] - self._places[first].end_W[2]))
+            if self._stay_ns is not None:
+                self._holds[first].add(t_ns - self._stay_ns)
         self._staying = [
             i for i in self._staying if self._holds[i].missed and (i in inside or not self._holds[i].onward)
         ]
@@ -306,6 +314,19 @@ class FlightMeasurement:
             turned = self._turned.get(i, 0.0)
             if i < self._waypoint and turned < abs(turns) - LESS_TURNS:
                 yield f"the vehicle flew {turned:.2f} turns about waypoint {i + 1}; the plan makes {abs(turns):g}"
+
+    def _counts_early(self, target: int) -> bool:
+        """Return True for a place that counts while the vehicle still is at one before, at another height."""
+        x, y, z = self._places[target].end_W
+        while target >= 0:
+            before_W = self._places[target].start_W
+            off_m, up_m = math.hypot(before_W[0] - x, before_W[1] - y), abs(before_W[2] - z)
+            if off_m > 2.0 * self._reaches_m[target] or up_m > 2.0 * self._above_m:
+                return False
+            if up_m > LEVEL_M:
+                return True
+            target -= 1
+        return False
 
     def _is_reached(self, target: int, p_WB: Vec3) -> bool:
         """Return True within reach of a waypoint, or with -1 of the take-off."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from signals.time import NS_PER_S
 
 SETTLE_S = 8.0  # after an arrival at 2 m below, say
+_AWAY_NS = NS_PER_S // 10  # without a measurement there: it was elsewhere
 LESS_HOLD_S = 2.0  # autopilots take whole seconds, and begin to count when their estimate has arrived
 
 
@@ -14,7 +15,8 @@ class Hold:
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
         self._inside_ns = 0
-        self._since_ns: int | None = None  # it first was there
+        self._first_ns: int | None = None  # it was there for the first time
+        self._since_ns = self._before_ns = 0  # it is there since; it was there last
         self.off_m: float | None = None  # greatest distance from the height of the place
         self.onward = False  # True once the vehicle has reached a later waypoint, out of this one's reach
 
@@ -24,9 +26,13 @@ class Hold:
 
     def add_height(self, t_ns: int, off_m: float) -> None:
         """Add a distance from the height of the place, which counts while the vehicle neither arrives nor may leave."""
-        if self._since_ns is None:
+        if self._first_ns is None:
+            self._first_ns = t_ns
+        if t_ns - self._before_ns > _AWAY_NS:
             self._since_ns = t_ns
-        if SETTLE_S <= (t_ns - self._since_ns) / NS_PER_S <= self._hold_s - LESS_HOLD_S:
+        self._before_ns = t_ns
+        settled = t_ns - self._since_ns >= SETTLE_S * NS_PER_S
+        if settled and t_ns - self._first_ns <= (self._hold_s - LESS_HOLD_S) * NS_PER_S:
             self.off_m = off_m if self.off_m is None else max(self.off_m, off_m)
 
     @property

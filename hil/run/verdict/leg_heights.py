@@ -3,8 +3,8 @@
 A leg is judged if it is level or slopes by less than `SLOPE`: autopilots change the height along a steeper one in their
 own ways. Its heights are those between its ends. They count once the vehicle has flown `SETTLE_M` since the plan last
 changed the height: with a take-off, a landing in its middle, or a leg that is not level. Of a steeper leg that does not
-begin with a landing, errors of more than `GROSS_M` count. (`plane_flight.py` has other numbers, and no such distance:
-the legs of planes are long and their limits wide.)
+begin with a landing, gross errors count (`flight.py`). (`plane_flight.py` has other numbers, and no such distance: the
+legs of planes are long and their limits wide.)
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from signals.samples import Vec3
 
 SETTLE_M = 5.0
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
-GROSS_M = 2.0  # as far as a waypoint reaches: no way of changing the height leaves that between the ends so far
 SLOPE = 0.1  # and judged if by less than this share of its length: terrain-following surveys have hardly a level leg
 
 
@@ -40,7 +39,7 @@ class LegHeights:
         off_m = low - up if up < low else 0.0 if up <= high else up - high  # NaN for NaN
         settle_m = self.settle_m[target]
         if settle_m == math.inf:
-            return None if target in self._landings or off_m <= GROSS_M else off_m
+            return None if target in self._landings else off_m
         if settle_m > -math.inf:
             start, (along_x, along_y) = self._fly[target].start_W, self._directions[target]
             dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]

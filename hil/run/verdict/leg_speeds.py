@@ -29,6 +29,8 @@ class LegSpeeds:
         self._commanded_mps = [leg.speed_mps for leg in fly]
         self._most_mps = [mps + max(MARGIN_MPS, MARGIN_SHARE * mps) if mps else math.inf for mps in self._commanded_mps]
         self._start_W = fly[0].start_W if fly else None  # None: it has been there
+        # ArduPilot turns at the waypoint itself, however wide the radius in which it counts.
+        self._ahead_by_m = [0.0, *(leg.acceptance_radius_m for leg in fly)]
         self._off_m = off_m
         self._now_mps = 0.0  # commanded for the leg being flown
         self._brakes: tuple[Vec3, float] | None = None  # since where, and the greatest distance [m] that it takes
@@ -47,7 +49,7 @@ class LegSpeeds:
         before_ns, self._before_ns = self._before_ns, truth.t_ns
         if commanded_mps != self._now_mps:
             spare_m = (squared - commanded_mps * commanded_mps) / (2.0 * BRAKE_MPS2)
-            self._brakes = truth.p_WB, max(0.0, spare_m) + _BRAKES_AFTER_M
+            self._brakes = truth.p_WB, max(0.0, spare_m) + _BRAKES_AFTER_M + self._ahead_by_m[target]
             self._now_mps, self._ahead_m = commanded_mps, 0.0
         if squared <= most_mps * most_mps and self._ahead_m == 0.0:
             self._brakes = None
@@ -61,6 +63,6 @@ class LegSpeeds:
         self._ahead_m = max(0.0, self._ahead_m + (speed_mps - most_mps) * elapsed_s)
         if self._ahead_m > self._off_m and not self.missed:
             self.missed = (
-                f"the vehicle flew at {speed_mps:.3g} m/s on the way to waypoint {target + 1}; the plan commands "
-                f"{commanded_mps:g} m/s, {most_mps:.3g} m/s are allowed"
+                f"the vehicle flew at {speed_mps:.3g} m/s on the way to waypoint {target + 1}, {self._ahead_m:.2g} m "
+                f"ahead of the {most_mps:.3g} m/s that are allowed; the plan commands {commanded_mps:g} m/s"
             )

@@ -27,7 +27,7 @@ from hil.config import Bench
 from hil.config.missions.script import ActionSpec, SensorFault, injected_at
 from hil.config.schema import BenchConfig
 from hil.run.part import Part, RunContext
-from hil.run.verdict.verdict import AIRBORNE_M, Verdict
+from hil.run.verdict.verdict import REST_CONTACT_NS, Verdict
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from signals.words import counted
@@ -37,6 +37,7 @@ from sim.scene.wind import GustEvent
 
 _InFlight = RotorFault | SurfaceFault | GustEvent
 _IN_FLIGHT = (RotorFault, SurfaceFault, GustEvent)  # act on a vehicle in flight alone
+_ROLLING_MPS = 1.0
 _LIKELY_UNMET = 0.5  # probability above which the bench is to blame for a link fault without a hit, not the seed
 
 
@@ -63,7 +64,7 @@ class UnmetFaultsPart(Part):
                 self._own.remove(what)
         self._required = [*self._own, *(what for what, required in timed if required)]
         self._grounded = {what: _span_ns(what) for what in self._declared if isinstance(what, _IN_FLIGHT)}
-        self._start_m: float | None = None
+        self._contact_ns: int | None = None
         self._flew = False
         self._unmet: list[str] = []
         self._reasons: list[str] = []
@@ -75,10 +76,11 @@ class UnmetFaultsPart(Part):
         return [self._observe] if self._grounded else []
 
     def _observe(self, truth: TruthState) -> None:
-        """Note what has met the vehicle in flight."""
-        if self._start_m is None:
-            self._start_m = truth.p_WB[2]
-        if truth.in_contact or truth.p_WB[2] <= self._start_m + AIRBORNE_M:  # at rest it trembles
+        """Note what has met the vehicle in flight, or rolling on the ground."""
+        if self._contact_ns is None or truth.in_contact:
+            self._contact_ns = truth.t_ns
+        # At rest it trembles, and is not always in contact.
+        if truth.t_ns - self._contact_ns <= REST_CONTACT_NS and math.hypot(*truth.v_WB_W) <= _ROLLING_MPS:
             return
         self._flew = True
         met = [what for what, (begin_ns, end_ns) in self._grounded.items() if begin_ns <= truth.t_ns < end_ns]
@@ -119,7 +121,7 @@ class UnmetFaultsPart(Part):
                 text = f"{name} at {at_s:g} s never began: the flight ended at {end_s:g} s"
                 yield Unmet(what, text, what in self._own and not ends_early)
             elif what in self._grounded and self._flew:
-                text = f"{name} at {at_s:g} s had no effect: the vehicle was on the ground"
+                text = f"{name} at {at_s:g} s had no effect: the vehicle stood on the ground"
                 yield Unmet(what, text, what in required and not ends_early)
         read = self._read_sensors()
         for fault, why in run.sensors.unmet():

@@ -190,7 +190,7 @@ def test_a_fault_that_changes_no_sample_is_unmet(fault: str, met: bool) -> None:
 def test_a_gust_over_before_the_take_off_is_unmet() -> None:
     """The run had met it, the flight had not: it passed."""
     (reason,) = reasons(fly(f"wind: {{gusts: [{GUST % 1}]}}\n", "expect: []\n"))
-    assert reason == "gust at 1 s had no effect: the vehicle was on the ground"
+    assert reason == "gust at 1 s had no effect: the vehicle stood on the ground"
     assert reasons(fly(f"wind: {{gusts: [{GUST % 9}]}}\n", "expect: []\n")) == []
     front = GUST.replace(", fall_s: 0.1", "") % 1
     assert reasons(fly(f"wind: {{gusts: [{front}]}}\n", "expect: []\n")) == [], "it blows on"
@@ -205,5 +205,15 @@ def test_a_rotor_that_fails_after_the_landing_is_unmet() -> None:
     for t_s, up_m in ((0, 0.0), (3, 5.0), (6, 0.0)):
         observe(truth_at(t_s * 1_000_000_000, p_WB=(0.0, 0.0, up_m))._replace(in_contact=not up_m))
     assert [(what.at_s, part._flew) for what in part._grounded] == [(5.0, True)]  # type: ignore[union-attr]
-    observe(truth_at(7_000_000_000, p_WB=(0.0, 0.0, 5.0)))
+    observe(truth_at(7_000_000_000, p_WB=(0.0, 0.0, -5.0)))
+    assert not part._grounded, "in the air, below its start"
+
+
+def test_a_gust_meets_a_plane_that_rolls() -> None:
+    part = UnmetFaultsPart(load_bench(None, settings=[f"wind.gusts=[{GUST % 5}]"]))
+    (observe,) = part.observers()
+    for t_s, speed_mps in ((0.0, 0.0), (5.1, 0.5)):
+        observe(truth_at(round(t_s * 1e9), v_WB_W=(speed_mps, 0.0, 0.0))._replace(in_contact=True))
+    assert part._grounded
+    observe(truth_at(5_200_000_000, v_WB_W=(3.0, 0.0, 0.0))._replace(in_contact=True))
     assert not part._grounded
