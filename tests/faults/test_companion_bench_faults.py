@@ -138,7 +138,7 @@ LIMITS = (f"companion.reply_timeout_s={STALL_S}", "companion.reconnect_s=0.5")
 def test_a_pilot_that_is_killed_is_a_named_error(
     kind_of_time: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    dies = hostile(tmp_path, "frame.frame == 30 and os.kill(os.getpid(), signal.SIGKILL)", monkeypatch)
+    dies = hostile(tmp_path, "frame.frame >= 30 and os.kill(os.getpid(), signal.SIGKILL)", monkeypatch)
     paced = ("pace=1",) if kind_of_time == "realtime" else ()
     more = "record: {report: false, tlog: false}\n"
     outcome = fly(tmp_path, f"{dies}, time: {kind_of_time}", more, settings=(*LIMITS, *paced, "duration_s=20"))
