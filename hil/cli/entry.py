@@ -120,8 +120,8 @@ def _exit_at_once(status: int) -> NoReturn:
 def _leave(status: int) -> NoReturn:
     """Exit after the threads and the exit handlers, but free no objects.
 
-    That would take a fifth of a short run's time. Python has given up its signal handlers by then, so that a signal
-    would replace the status of a command that is over.
+    That would take a seventh of a short run's processor time. Python has given up its signal handlers by then, so that
+    a signal would replace the status of a command that is over.
     """
     _end_at_signals(status)
     threading._shutdown()  # type: ignore[attr-defined]
