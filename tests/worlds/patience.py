@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import select
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -28,6 +29,25 @@ def until(condition: Callable[[], Any], what: str = "what was waited for", limit
         assert time.monotonic() < end_s, f"{what} did not come within {limit_s:g} s"
         time.sleep(0.02)
     return found
+
+
+def raised_by(act: Callable[[], object]) -> BaseException | None:
+    """Call a function that might hang, in a thread that does not outlive the tests, and return what it raises."""
+    raised: list[BaseException | None] = []
+
+    def run() -> None:
+        try:
+            act()
+        except BaseException as error:  # noqa: BLE001 (returned)
+            raised.append(error)
+        else:
+            raised.append(None)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive(), f"it did not end within {PATIENCE_S:g} s"
+    return raised[0]
 
 
 def expect_silence(link: Any, limit_s: float = SILENCE_S) -> None:
