@@ -94,7 +94,8 @@ class GroupMeasurement:
         if not self._formed:
             self._grounded -= {name for name, truth in zip(self._names, truths, strict=True) if not truth.in_contact}
             self._formed = flying and bool(errors_m[worst] <= self._formed_m)
-            self._formed_at = self._flown_share()
+            if self._formed:
+                self._formed_at = self._flown_share()
             if flying and (self._nearest is None or errors_m[worst] < self._nearest[0]):
                 self._nearest = float(errors_m[worst]), worst
         elif not (flying and self._flown_share() < 1.0):
