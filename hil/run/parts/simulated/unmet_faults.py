@@ -36,7 +36,7 @@ from sim.physics.surface_faults import SurfaceFault
 from sim.scene.wind import GustEvent
 
 _InFlight = RotorFault | SurfaceFault | GustEvent
-_IN_FLIGHT = (RotorFault, SurfaceFault, GustEvent)  # act on a vehicle in flight alone
+_IN_FLIGHT = (RotorFault, SurfaceFault, GustEvent)  # have no effect on a vehicle that stands
 _ROLLING_MPS = 1.0
 _LIKELY_UNMET = 0.5  # probability above which the bench is to blame for a link fault without a hit, not the seed
 
